@@ -26,12 +26,14 @@ sys.path[:0] = [str(HERE.parent / "tests"), str(HERE.parent)]
 from benchmarks import asked
 from benchmarks.attack import (
     again,
+    elsewhere,
     faults,
     flips,
     kills,
     leaks,
     logs,
     planted,
+    sequences,
     strangers,
     tampering,
     together,
@@ -41,10 +43,13 @@ from benchmarks.attack.children import import_all, result_of
 from benchmarks.attack.outcome import Arena, Attack, Outcome
 from benchmarks.attack.subjects import make_bench
 
-HOURS = 3.0  # of the full table
+HOURS = 3.5  # of the full table
 SHM = Path("/dev/shm")  # where a sync costs nothing; what is killed here is a process, never the machine
 MEMORY = SHM if os.access(SHM, os.W_OK) else None
-MODULES = (kills, unsynced, faults, flips, tampering, together, logs, again, strangers, leaks, planted)
+MODULES = (
+    *(kills, unsynced, faults, flips, tampering, together, logs, again, strangers, leaks, planted),
+    *(sequences, elsewhere),
+)
 ATTACKS = sorted((one for module in MODULES for one in module.ATTACKS), key=lambda one: int(one.id[1:]))
 SHOWN = 5  # failures of an attack
 

@@ -20,7 +20,7 @@ from made.places import ROOT
 from replay.cli import main
 
 KILLED = -signal.SIGKILL
-CALLS = ("write", "fsync", "replace", "mkdir")  # of `os`: each changes a disk
+CALLS = ("write", "fsync", "replace", "mkdir", "unlink", "rmdir")  # of `os`: each changes a disk
 
 
 def import_all() -> None:

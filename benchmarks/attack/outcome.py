@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from math import ceil
 from pathlib import Path
 
 
@@ -51,4 +52,4 @@ class Attack:
 
     def tries(self, share: float) -> int:
         """How many for this share of the full table."""
-        return max(self.least, round(self.whole * share))
+        return max(self.least, ceil(self.whole * share))

@@ -21,6 +21,7 @@ WRITING = {  # verb -> its words, in a folder of `bench`
     "ingest": (*INGEST, "3_s2.csv"),
     "replay": ("replay", "2_drive"),
     "retract": ("retract", "1_s1", "--reason", "the wrong motor"),
+    "forget": ("forget", "1_s1.blf", "--reason", "the contract ended"),
     "correct": ("correct", "1_s1", "--specimen", "servo-02", "--reason", "misread"),
     "attach": ("attach", "motor.toml", "--specimen", "servo-01", "--finding", "crack"),
     "rebuild": ("rebuild",),
@@ -126,3 +127,4 @@ def _facts(store: Store) -> Iterator[str]:
     yield from (f"taken back {stream}" for stream in known.retractions)
     yield from (f"inspection {one}" for one in known.inspections)
     yield from (f"there {path.name}" for path in (store.folder / "decoded").glob("*/*"))
+    yield from (f"gone {sha256}" for sha256 in store.forgotten.files if not store.archive.has(sha256))

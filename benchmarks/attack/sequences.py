@@ -1,0 +1,198 @@
+"""Commands in an order that nobody thought of, against a model of what a store is to say after each."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import random
+import shutil
+from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from benchmarks.attack import subjects
+from benchmarks.attack.outcome import Arena, Attack, Outcome
+from ingest.facts import facts
+from ingest.facts.durable import sha256_of
+from ingest.facts.store import Store
+from replay.cli import main
+
+STEPS = 40
+ROWS = 8
+WHY = ("--reason", "drawn")
+STANDS, BACK, FORGOTTEN = "stands", "taken back", "forgotten"
+WRONG = 2  # exit code of what cannot be done
+
+
+@dataclass(frozen=True)
+class Logged:
+    """What the model knows of a log."""
+
+    name: str
+    specimen: str
+    state: str = STANDS
+
+
+@dataclass
+class Bench:
+    """A folder with a store, and the model of it: logs by their SHA-256; `then`: some numbers of events, and what the
+    model said there."""
+
+    folder: Path
+    chance: random.Random
+    logs: dict[str, Logged] = field(default_factory=dict)
+    then: list[tuple[int, set[tuple[str, str]]]] = field(default_factory=list)
+    made: int = 0
+    did: list[str] = field(default_factory=list)
+
+    def run(self, *words: str) -> tuple[int, str]:
+        """Exit code and standard output of a command."""
+        out = io.StringIO()
+        self.did.append(" ".join(words))
+        with redirect_stdout(out), redirect_stderr(io.StringIO()):
+            code = main(list(words))
+        return code, out.getvalue()
+
+    def wants(self, code: int, *words: str) -> None:
+        """Raises AssertionError where a command ends otherwise."""
+        found, _ = self.run(*words)
+        assert found == code, f"exit code {found}, not {code}"
+
+    def drawn(self) -> str:
+        """A log that the store has seen; a new one where there is none."""
+        if not self.logs:
+            new(self)
+        return self.chance.choice(sorted(self.logs))
+
+    def put(self, sha256: str, **changed: Any) -> None:
+        self.logs[sha256] = replace(self.logs[sha256], **changed)
+
+    @property
+    def says(self) -> set[tuple[str, str]]:
+        """Name and specimen of each session, by the model."""
+        return {(one.name, one.specimen) for one in self.logs.values() if one.state == STANDS}
+
+    @property
+    def found(self) -> set[tuple[str, str | None]]:
+        """The same by the store."""
+        with Store.open(self.folder / "store") as store:
+            known = facts.at(store.ledger)
+            return {(known.files[one.files[0]["raw"]].name, one.specimen) for one in known.sessions}
+
+    def told(self, *more: str) -> set[tuple[str, str]]:
+        """The same by `whyhot sessions`."""
+        code, said = self.run("sessions", "--json", *more)
+        assert code == 0, f"exit code {code}"
+        return {(one["sources"][0], one["specimen"]) for one in json.loads(said)["sessions"]}
+
+
+def new(bench: Bench) -> None:
+    bench.made += 1
+    path = bench.folder / f"log{bench.made}.csv"
+    subjects.write_table(path, ROWS, seed=bench.made)
+    specimen = bench.chance.choice("ABC")
+    bench.logs[sha256_of(path)] = Logged(path.name, specimen)
+    bench.wants(0, "ingest", path.name, "--specimen", specimen)
+
+
+def again(bench: Bench) -> None:
+    """The same bytes, under their own name or another."""
+    log = bench.logs[bench.drawn()]
+    name = bench.chance.choice([log.name, f"other-{log.name}"])
+    shutil.copy(bench.folder / log.name, bench.folder / "given.csv")
+    (bench.folder / "given.csv").replace(bench.folder / name)
+    bench.wants(0 if log.state == STANDS else 1, "ingest", name)
+
+
+def corrected(bench: Bench) -> None:
+    sha256, specimen = bench.drawn(), bench.chance.choice("ABC")
+    log = bench.logs[sha256]
+    right = log.state == STANDS and log.specimen != specimen
+    bench.wants(0 if right else WRONG, "correct", sha256[:16], "--specimen", specimen, *WHY)
+    bench.put(sha256, specimen=specimen if right else log.specimen)
+
+
+def taken_back(bench: Bench) -> None:
+    sha256 = bench.drawn()
+    stands = bench.logs[sha256].state == STANDS
+    bench.wants(0 if stands else WRONG, "retract", sha256[:16], *WHY)
+    bench.put(sha256, state=BACK if stands else bench.logs[sha256].state)
+
+
+def brought_back(bench: Bench) -> None:
+    sha256 = bench.drawn()
+    back = bench.logs[sha256].state == BACK
+    bench.wants(0 if back else WRONG, "retract", sha256[:16], "--undo", *WHY)
+    bench.put(sha256, state=STANDS if back else bench.logs[sha256].state)
+
+
+def forgotten(bench: Bench) -> None:
+    sha256 = bench.drawn()
+    bench.wants(0, "forget", sha256[:16], *WHY)
+    bench.put(sha256, state=FORGOTTEN)
+
+
+def remembered(bench: Bench) -> None:
+    """As of now, and of the moments before: asked for again later."""
+    with Store.open(bench.folder / "store") as store:
+        bench.then.append((store.ledger.head().position, bench.says))
+    position, said = bench.chance.choice(bench.then)
+    assert bench.told("--as-of", str(position)) == said, f"as of {position} other sessions"
+
+
+def backed_up(bench: Bench) -> None:
+    """A backup, and at times a store made of it, which must say the same."""
+    bench.wants(0, "backup", "copy")
+    if bench.chance.random() < 0.3:
+        bench.wants(0, "restore", "copy", "--store", "new")
+        assert bench.told("--store", "new") == bench.says, "restored, other sessions"
+        shutil.rmtree(bench.folder / "new")
+
+
+def rebuilt(bench: Bench) -> None:
+    bench.wants(0, "rebuild", "--verify")
+
+
+RULES: tuple[tuple[int, Callable[[Bench], None]], ...] = (
+    *((5, new), (3, again), (3, corrected), (3, taken_back), (3, brought_back), (1, forgotten), (3, remembered)),
+    *((1, backed_up), (1, rebuilt)),
+)
+
+
+def sequences(arena: Arena) -> Outcome:
+    """T13."""
+    outcome, chance = Outcome(), arena.chance
+    for number in range(arena.tries):
+        folder = arena.folder / f"run{number}"
+        folder.mkdir()
+        os.chdir(folder)
+        os.environ["WHYHOT_STORE"] = "store"
+        bench = Bench(folder, random.Random(chance.randrange(2**32)))
+        try:
+            _one(bench)
+            outcome.count()
+        except AssertionError as error:
+            outcome.count(f"run {number}, after {len(bench.did)} commands ({'; '.join(bench.did[-4:])}): {error}")
+        os.chdir(arena.folder)
+        shutil.rmtree(folder)
+    outcome.note = f"{STEPS} steps each, of {len(RULES)} kinds; kills are T1 and T2"
+    return outcome
+
+
+def _one(bench: Bench) -> None:
+    """A sequence; after each step the store is asked for its sessions, and at the end for every byte."""
+    new(bench)
+    for _ in range(STEPS):
+        (rule,) = bench.chance.choices([rule for _, rule in RULES], [weight for weight, _ in RULES])
+        rule(bench)
+        assert bench.found == bench.says, f"{rule.__name__}: {bench.found} in place of {bench.says}"
+    assert not (wrong := subjects.damages(bench.folder / "store")), wrong[0]
+    with Store.open(bench.folder / "store") as store:
+        kept = {sha256 for sha256, log in bench.logs.items() if log.state != FORGOTTEN}
+        assert {*store.archive} & bench.logs.keys() == kept, "bytes of a forgotten log are there, or others are gone"
+
+
+ATTACKS = (Attack("T13", "commands in random order", "as a model of the store says", 500, 1, sequences),)
