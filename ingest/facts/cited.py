@@ -72,7 +72,7 @@ def forgotten(recorded: Iterable[Recorded]) -> Forgotten:
     lines = {file.sha256: _line(event, logs, left.sessions) for event in gone for file in _cites(event)}
     return Forgotten(
         logs,
-        {event.decode: logs[event.raw] for event in gone if isinstance(event, DecodeCompleted)},
+        {event.decode: logs[event.raw] for event in gone if isinstance(event, DecodeCompleted) and event.raw in logs},
         {sha256: line for sha256, line in lines.items() if sha256 not in held} | logs,
     )
 

@@ -297,8 +297,7 @@ class AgeingAssessed(Event):
 class FactRetracted(Event):
     """The stream of what it takes back (a log, session, diagnosis or inspection): from here on that does not count.
 
-    `rows`: [{raw, first_record, last_record}], what of which logs goes with it; `models`: those
-    that it had published.
+    `rows`: [{raw, first_record, last_record}], what of which logs goes with it; `models`: those that it had published.
     """
 
     fact: str  # the stream

@@ -1,7 +1,7 @@
 """The bytes of logs that were forgotten, removed from a store.
 
 The event that says so comes first and the bytes go after. So a removal that is stopped leaves bytes that no fact counts
-on: `verify` names them, and the next `whyhot forget` or `backup` takes them away.
+on: `verify` names them, and the same command again takes them away.
 """
 
 from __future__ import annotations
@@ -26,10 +26,12 @@ class Swept(NamedTuple):
 
 
 def remains(folder: Path, archive: Archive, gone: Forgotten) -> Iterator[tuple[Path, str]]:
-    """Sealed files and folders of decodes that should be gone and are there, each with what says why."""
-    yield from ((archive.path(sha256), why) for sha256, why in gone.files.items() if archive.has(sha256))
-    decodes = {folder / "decoded" / name: why for name, why in gone.decodes.items() if name.isalnum()}
-    yield from ((path, why) for path, why in decodes.items() if path.exists())
+    """Sealed files and folders of decodes that should be gone and are there, each with what says why. A forged name
+    leads nowhere else: only what lies in the store under its own name is looked for."""
+    sealed = ((archive.path(sha256), sha256) for sha256 in archive) if gone.files else ()
+    yield from ((path, gone.files[sha256]) for path, sha256 in sealed if sha256 in gone.files)
+    decoded = sorted((folder / "decoded").glob("*")) if gone.decodes else ()
+    yield from ((path, gone.decodes[path.name]) for path in decoded if path.name in gone.decodes)
 
 
 def sweep(folder: Path, archive: Archive, gone: Forgotten) -> Swept:

@@ -28,7 +28,7 @@ class ParquetLog(ArrowLog):
             if record < group.num_rows:
                 columns = [group.column(i) for i in range(group.num_columns)]
                 at = min(place for one in columns for place in _begins(one))
-                return f"byte {at:,}, row {record + 1:,} of the row group {number + 1:,} there"
+                return f"byte {at:,}, row {record + 1:,} of row group {number + 1:,} there"
             record -= group.num_rows
         raise IndexError(record)
 

@@ -189,7 +189,7 @@ def test_the_row_group_that_is_told_of_a_parquet_row_begins_there_and_holds_it(t
     assert sum(len(batch.record) for batch in log.batches()) == 5
     data = path.read_bytes()
     for record, value in enumerate(values):
-        place = re.fullmatch(r"byte ([0-9,]+), row (\d) of the row group (\d) there", log.places[record])
+        place = re.fullmatch(r"byte ([0-9,]+), row (\d) of row group (\d) there", log.places[record])
         assert place
         group = (values[:3], values[3:])[int(place[3]) - 1]
         assert group[int(place[2]) - 1] == value
