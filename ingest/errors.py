@@ -39,6 +39,14 @@ class LedgerError(IngestError):
     """The ledger refuses: another writer holds it, or an event is not one of ours."""
 
 
+class OvertakenError(LedgerError):
+    """Another writer recorded meanwhile what a new event should have been made of."""
+
+
+class ServerGoneError(LedgerError):
+    """The server that holds the ledger does not answer."""
+
+
 class StoreError(IngestError):
     """The store folder is missing, is not ours, or cannot be written."""
 
@@ -55,6 +63,6 @@ class CorrectionError(IngestError):
     """What is to be corrected or taken back is not there, is so already, or is nothing that can be."""
 
 
-def not_installed(what: str) -> str:
+def not_installed(what: str, command: str = WITH_EXTRAS) -> str:
     """The line for a part of whyhot that is an extra and is not there."""
-    return f"{what} is not installed: in a clone of whyhot, {WITH_EXTRAS} (or pipx install --force with the same)"
+    return f"{what} is not installed: in a clone of whyhot, {command} (or pipx install --force with the same)"

@@ -15,7 +15,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from ingest.facts.ledger import Ledger
+from ingest.facts.ledger_place import SqliteFile
 from made.places import ROOT
 from replay.cli import main
 
@@ -134,8 +134,8 @@ def at_change(number: int, act: Callable[[str], object], on: bool = False) -> No
 
     for name in CALLS:
         setattr(os, name, watched(name, getattr(os, name)))
-    for name in ("_try_insert", "_disconnect"):
-        setattr(Ledger, name, watched(name, getattr(Ledger, name)))
+    for name in ("insert", "disconnect"):
+        setattr(SqliteFile, name, watched(name, getattr(SqliteFile, name)))
 
 
 def die(_: str) -> None:

@@ -21,7 +21,7 @@ from unittest import mock
 from benchmarks.attack import subjects
 from benchmarks.attack.outcome import Arena, Attack, Outcome
 from ingest.facts.backup import backup
-from ingest.facts.ledger import Ledger
+from ingest.facts.ledger_place import SqliteFile
 from ingest.facts.store import Store
 
 Names = dict[str, int]  # path -> number of the file (its inode); 0 for a folder
@@ -108,7 +108,7 @@ def recorded(folder: Path, work: Callable[[], object]) -> list[State]:
     """The states that `work` in `folder` goes through, one for each change of the disk."""
     disk = Disk(folder, _names(folder), _contents(folder))
     with ExitStack() as patched:
-        for owner, name in ((os, "fsync"), (os, "write"), (os, "replace"), (os, "mkdir"), (Ledger, "_try_insert")):
+        for owner, name in ((os, "fsync"), (os, "write"), (os, "replace"), (os, "mkdir"), (SqliteFile, "insert")):
             true, synced = getattr(owner, name), name == "fsync"
             patched.enter_context(mock.patch.object(owner, name, _watched(true, disk, synced)))
         work()

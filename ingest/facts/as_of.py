@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from ingest.errors import LedgerError
 from ingest.facts.cited import cited
 from ingest.facts.events import DecodeCompleted
 from ingest.facts.ledger_row import Recorded
@@ -19,12 +18,10 @@ def store_as_of(folder: Path, point: str) -> Iterator[Store]:
     """The store in `folder` with its ledger up to `point` (number of an event, or ISO 8601 time), open for writing in a
     temporary folder of its own, with links to sealed bytes and decoded files.
 
-    Raises as `Store.open` and `Ledger.events`, LedgerError where the ledger lies in a database server.
+    Raises as `Store.open` and `Ledger.events`.
     """
     with TemporaryDirectory(prefix="whyhot-as-of-") as made:
         with Store.open(folder) as store:
-            if not store.ledger.is_file:
-                raise LedgerError(f"--as-of {point}: the ledger is no file: this verb knows only the facts of now")
             recorded = store.ledger.events(as_of=point)
             rows = [*store.ledger.rows(stop=recorded[-1].position)] if recorded else []
             gone = store.forgotten

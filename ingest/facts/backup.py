@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from ingest.errors import DamageError, LedgerError, StoreError
+from ingest.errors import DamageError, StoreError
 from ingest.facts.chain import Head
 from ingest.facts.cited import cited, forgotten
 from ingest.facts.ledger_row import Recorded
@@ -125,12 +125,7 @@ def _copy(source: Store, target: Store, read: bool, tell: Callable[[str], None])
 
 
 def _events(store: Store) -> list[Recorded]:
-    """All events of a store, whose ledger is a file of its folder; they count 1, 2, 3 ..."""
-    if not store.ledger.is_file:
-        raise LedgerError(
-            "the ledger lies in a database server: back it up with the server's own means, and the folder "
-            f"{store.archive.folder} beside it"
-        )
+    """All events of a store; they count 1, 2, 3 ..."""
     try:
         return store.ledger.events()
     except DamageError as error:

@@ -180,8 +180,12 @@ def fold(recorded: Iterable[Recorded]) -> Facts:
 
 def at(ledger: Ledger, as_of: str | None = None) -> Facts:
     """The facts of `ledger` now, or at an event's number or an ISO 8601 time. Raises as `Ledger.events`."""
-    index = ledger.index() if as_of is None else None
-    return fold(ledger.events(as_of=as_of)) if index is None else _looked_up(View(ledger, index))
+    return _looked_up(View(ledger, ledger.index())) if as_of is None else fold(ledger.events(as_of=as_of))
+
+
+def now(ledger: Ledger, known: Facts) -> Facts:
+    """The facts of now where other programs may have written since `known` was; else `known`, which costs nothing."""
+    return at(ledger) if ledger.place.shared else known
 
 
 @dataclass(frozen=True)

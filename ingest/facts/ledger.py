@@ -1,78 +1,72 @@
 """The ledger: every fact, in order, for ever.
 
-Rows are kept by the `eventsourcing` library: SQLite in the store's folder, or what PERSISTENCE_MODULE and POSTGRES_* in
-the environment name. It stores and orders them, guards each stream by (stream, version) and never sees an event: topics
-and states are ours (`ingest.facts.ledger_row`).
+Rows are kept by the `eventsourcing` library, in SQLite or a PostgreSQL server (`ingest.facts.ledger_place`). It stores
+and orders them, guards each stream by (stream, version) and never sees an event: topics and states are ours
+(`ingest.facts.ledger_row`).
+
+Where several programs write at once, what one appends rests on the facts that it asked for last: where another recorded
+something in the same stream since then, the append is refused (OvertakenError), and whoever decided asks again.
 """
 
 from __future__ import annotations
 
-import os
-import sqlite3
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
-from eventsourcing.domain import EventSourcingError
-from eventsourcing.persistence import (
-    ApplicationRecorder,
-    InfrastructureFactory,
-    IntegrityError,
-    Notification,
-    StoredEvent,
-    TrackingRecorder,
-)
+from eventsourcing.persistence import ApplicationRecorder, Notification, StoredEvent
 
-from ingest.errors import DamageError, IngestError, LedgerError
+from ingest.errors import DamageError, IngestError, LedgerError, OvertakenError
 from ingest.facts.chain import Head, Tree
-from ingest.facts.events import Event, LedgerSealed
+from ingest.facts.events import EVENTS, Event, LedgerSealed
 from ingest.facts.ledger_history import LedgerHistory, Tail
-from ingest.facts.ledger_index import Known, LedgerIndex, Stamp
-from ingest.facts.ledger_lock import WriterLock, reading_uri
+from ingest.facts.ledger_index import Known, LedgerIndex
+from ingest.facts.ledger_lock import WriterLock
+from ingest.facts.ledger_place import LedgerPlace, SqliteFile
 from ingest.facts.ledger_row import Recorded, decode, encode, utc_text
+from ingest.facts.ledger_server import Server, ServerTable
 
 INDEX = "ledger.index"  # beside the ledger, derived from it
 SEALS = "ledger-0"  # the stream of the seals
-Factory = InfrastructureFactory[TrackingRecorder]
-Connection = tuple[Factory, ApplicationRecorder]
 FOR_EVER = "9999"  # after every recorded time
 PAGE = 1000  # rows read at once
-# What a damaged database makes Python raise; the last three where names in its schema are no UTF-8, or other columns,
-# or numbers are too large.
-DATABASE_ERRORS = (EventSourcingError, sqlite3.Error, OSError, UnicodeError, LookupError, OverflowError)
+T = TypeVar("T")
 
 
 class Ledger:
-    """The ledger of the store in `folder`. One process writes at a time; any number read meanwhile.
+    """The ledger of the store in `folder`: a file there, which one process writes to at a time, or a table of `server`,
+    which several write to beside each other (with `alone`: none beside this one). Any number read meanwhile.
 
     Raises LedgerError where another process writes, or the database cannot be reached.
     """
 
-    def __init__(self, folder: Path, *, write: bool = False, create: bool = False) -> None:
-        self.path = folder.absolute() / "ledger.sqlite"
-        self._lock = WriterLock(folder / "ledger.lock") if write else None
-        self._env = _environment(self.path, write, create)
-        self._seen = LedgerHistory(self.is_file)
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        write: bool = False,
+        create: bool = False,
+        server: Server | None = None,
+        alone: bool = False,
+    ) -> None:
+        self.place = placed(folder, server, write, create)
+        self.lock = WriterLock(folder / "ledger.lock", shared=self.place.shared and not alone) if write else None
+        self._seen = LedgerHistory()
+        self._others = _Others()
         self._index: LedgerIndex | None = None
         self._index_path = folder.absolute() / INDEX
-        self._left = Stamp.of(self.path)  # as the last command left it
-        self._connection: Connection | None = None
         self._closed = False
         try:
-            with self._plain_words():
-                self._recorder()
+            with self.place.plain_words():
+                self._left = self.place.stamp()  # as the last command left it
+                self.place.recorder()
         except BaseException:
             self.close()
             raise
-        self._env["CREATE_TABLE"] = "no"
-
-    @property
-    def is_file(self) -> bool:
-        """True where the rows lie in SQLite, at `path`."""
-        return self._env["PERSISTENCE_MODULE"] == "eventsourcing.sqlite"
 
     def append(
         self, stream: str, event: Event, *, caused_by: str | None = None, happened: str | None = None
@@ -81,18 +75,33 @@ class Ledger:
         return self.append_all([(stream, event)], caused_by=caused_by, happened=happened)[0]
 
     def append_all(
-        self, batch: Sequence[tuple[str, Event]], *, caused_by: str | None = None, happened: str | None = None
+        self,
+        batch: Sequence[tuple[str, Event]],
+        *,
+        caused_by: str | None = None,
+        happened: str | None = None,
+        rests_on: tuple[type[Event], ...] = (),
     ) -> list[Recorded]:
-        """Add all events of `batch`, or none. Raises LedgerError (refused, nothing stored) and DamageError."""
-        if self._lock is None:
-            raise LedgerError(f"{self.path}: was opened for reading: open the store for writing")
-        encoded = self._encoded(batch, caused_by, happened)
-        places = self._insert([row for row, _ in encoded])
-        return [replace(one, position=place) for (_, one), place in zip(encoded, places, strict=True)]
+        """Add all events of `batch`, or none. Raises LedgerError (refused, nothing stored) and DamageError;
+        OvertakenError where another program has recorded an event of one of these streams, or of the kinds that the
+        batch `rests_on`, since the facts were asked for last."""
+        if self.lock is None:
+            raise LedgerError(f"{self.place.where}: was opened for reading: open the store for writing")
+        while batch:
+            last = self._last()
+            position = last.position if last else 0
+            if self.place.shared and self._others.asked:
+                self._refuse_overtaken({stream for stream, _ in batch}, rests_on, position)
+            encoded = self._encoded(batch, last, caused_by, happened)
+            places = self._insert([row for row, _ in encoded], position)
+            if places is not None:
+                self._others.ours(places)
+                return [replace(one, position=place) for (_, one), place in zip(encoded, places, strict=True)]
+        return []
 
     def proposed(self, batch: Sequence[tuple[str, Event]]) -> list[Recorded]:
         """All events, and those of `batch` behind them as if they were recorded. Raises as `append_all`."""
-        encoded = self._encoded(batch, None, None)
+        encoded = self._encoded(batch, self._last(), None, None)
         events = self.events()
         return [*events, *(replace(one, position=place) for place, (_, one) in enumerate(encoded, len(events) + 1))]
 
@@ -101,7 +110,9 @@ class Ledger:
 
         Raises LedgerError.
         """
-        self._insert([*rows])
+        last = self._last()
+        if self._insert([*rows], last.position if last else 0) is None:
+            raise OvertakenError(f"{self.place.where}: another program wrote to it meanwhile: nothing was stored")
 
     def events(self, *types: type[Event], stream: str | None = None, as_of: str | int | None = None) -> list[Recorded]:
         """The events in order: of `types` (all where none is given), of `stream`, as they were at `as_of`.
@@ -112,8 +123,10 @@ class Ledger:
         """
         stop, moment = self._as_of(as_of)
         if self._seen.resumed:
-            self._seen = LedgerHistory(self.is_file)
+            self._seen = LedgerHistory()
         self._read(stop)
+        if as_of is None:
+            self._others = _Others(self._seen.position)
         return [
             one
             for one in self._seen.recorded
@@ -136,17 +149,16 @@ class Ledger:
                 return
             start = page[-1].id + 1
 
-    def index(self) -> LedgerIndex | None:
-        """Where facts lie in the events up to now; None where the ledger is no file. Raises as `events`.
+    def index(self) -> LedgerIndex:
+        """Where facts lie in the events up to now. Raises as `events`.
 
         Only events that came since the last command are read; all of them where something else touched the ledger.
         """
-        if not self.is_file:
-            return None
         if self._index is None:
             self._index = self._kept_index() or LedgerIndex()
         self._read()
         self._index.add(self._seen.behind(self._index.position))
+        self._others = _Others(self._seen.position)
         return self._index
 
     def event(self, position: int) -> Recorded:
@@ -162,32 +174,43 @@ class Ledger:
     def head(self) -> Head:
         """Position of the last event and Merkle root over all rows up to it. Raises DamageError, and as `rows`."""
         self.index()
-        self._read()
         return self._seen.head
 
     def seal(self) -> Recorded | None:
         """Record the head as an event, so that what is before cannot change unseen. None where nothing is new."""
+        return settled(self._seal)
+
+    def _seal(self) -> Recorded | None:
         head = self.head()
         if head.position == 0 or isinstance(self.event(head.position).event, LedgerSealed):
             return None
-        return self.append(SEALS, LedgerSealed(position=head.position, root=head.root))
+        return self.append_all([(SEALS, LedgerSealed(position=head.position, root=head.root))], rests_on=(Event,))[0]
 
     def close(self) -> None:
         """End all connections, keep the index, and let the next writer in. Facts that are asked for later are read."""
-        self._disconnect()
+        self.place.disconnect()
         self._keep_index()
         self._closed = True
-        self._env["SQLITE_DBNAME"] = reading_uri(self.path)
-        if self._lock is not None:
-            self._lock.close()
-            self._lock = None
+        self.place.only_read()
+        if self.lock is not None:
+            self.lock.close()
+            self.lock = None
+
+    def _refuse_overtaken(self, streams: Collection[str], kinds: tuple[type[Event], ...], position: int) -> None:
+        """Raises OvertakenError as `append_all`; `position`: the ledger's end."""
+        if position > self._others.position:
+            for row in self.rows(self._others.position + 1, position):
+                self._others.add(row)
+        if self._others.touched(streams, kinds):
+            raise OvertakenError(
+                f"{self.place.where}: another program recorded the same meanwhile: run the same command again"
+            )
 
     def _encoded(
-        self, batch: Sequence[tuple[str, Event]], caused_by: str | None, happened: str | None
+        self, batch: Sequence[tuple[str, Event]], last: Recorded | None, caused_by: str | None, happened: str | None
     ) -> list[tuple[StoredEvent, Recorded]]:
-        """The rows of `batch` behind what there is, and what each will read as."""
+        """The rows of `batch` behind `last`, the ledger's end, and what each will read as."""
         encoded: list[tuple[StoredEvent, Recorded]] = []
-        last = self._last()
         recorded = last.recorded if last else ""
         tails: dict[str, Recorded | None] = {}
         for stream, event in batch:
@@ -209,7 +232,7 @@ class Ledger:
         if self._seen.position == 0:
             known = kept.known
             tail_of = partial(self._tail_up_to, kept, kept.position)
-            self._seen = LedgerHistory(True, [], [], known.position, Tree(known.tree), known.recorded, tail_of, True)
+            self._seen = LedgerHistory([], [], known.position, Tree(known.tree), known.recorded, tail_of, True)
         return kept
 
     def _tail_up_to(self, index: LedgerIndex, position: int, stream: str) -> Tail:
@@ -222,9 +245,9 @@ class Ledger:
         index, seen = self._index, self._seen
         if index is None or seen.findings or seen.position != index.position or index.position == 0:
             return
-        if self._lock is None and index.known.position:
+        if self.lock is None and index.known.position:
             return
-        stamp = Stamp.of(self.path) if self._lock else self._left
+        stamp = self.place.stamp() if self.lock and not self.place.shared else self._left
         index.save(self._index_path, Known(seen.position, index.digest, seen.moment, seen.tree.whole, stamp))
 
     def _read(self, stop: int | None = None) -> None:
@@ -237,29 +260,6 @@ class Ledger:
         if seen.findings:
             raise DamageError(f"{seen.findings[0].says}; `whyhot verify` lists all damage")
 
-    def _recorder(self) -> ApplicationRecorder:
-        """The rows, over a connection that is made where there is none. Raises what the database complains of."""
-        if self._connection is None:
-            self._connection = self._connect()
-        return self._connection[1]
-
-    def _connect(self) -> Connection:
-        factory: Factory = InfrastructureFactory.construct(self._env)
-        try:
-            recorder = factory.application_recorder()
-            if self.is_file and self._lock is not None:
-                with factory.datastore.get_connection(commit=True) as connection:  # type: ignore[attr-defined]
-                    connection.cursor().execute("PRAGMA synchronous=FULL")  # some builds sync less in WAL mode
-        except BaseException:
-            factory.close()
-            raise
-        return factory, recorder
-
-    def _disconnect(self) -> None:
-        if self._connection is not None:
-            self._connection[0].close()
-            self._connection = None
-
     def _last(self) -> Recorded | None:
         with self._reading() as recorder:
             position = recorder.max_notification_id()
@@ -271,18 +271,18 @@ class Ledger:
             rows = recorder.select_events(stream, desc=True, limit=1)
         return decode(rows[0], 0) if rows else None
 
-    def _insert(self, rows: Sequence[StoredEvent]) -> Sequence[int]:
-        """Store `rows` in one transaction; a database that is locked is tried once more."""
+    def _insert(self, rows: Sequence[StoredEvent], after: int) -> Sequence[int] | None:
+        """Store `rows` behind `after` in one transaction; a database that is locked is tried once more."""
         try:
-            return self._try_insert(rows)
+            return self._try_insert(rows, after)
         except LedgerError as error:
             if "(database is locked)" not in str(error):
                 raise
-            return self._try_insert(rows)
+            return self._try_insert(rows, after)
 
-    def _try_insert(self, rows: Sequence[StoredEvent]) -> Sequence[int]:
-        with self._plain_words():
-            return self._recorder().insert_events(rows) or []
+    def _try_insert(self, rows: Sequence[StoredEvent], after: int) -> Sequence[int] | None:
+        with self.place.plain_words():
+            return self.place.insert(rows, after)
 
     def _as_of(self, as_of: str | int | None) -> tuple[int | None, str]:
         """`as_of` as (last position, last recorded time)."""
@@ -304,45 +304,57 @@ class Ledger:
     @contextmanager
     def _reading(self) -> Iterator[ApplicationRecorder]:
         """The rows, for one reading; of a closed ledger no connection stays."""
-        with self._plain_words():
-            yield self._recorder()
+        with self.place.plain_words():
+            yield self.place.recorder()
         if self._closed:
-            self._disconnect()
+            self.place.disconnect()
 
-    @contextmanager
-    def _plain_words(self) -> Iterator[None]:
-        """What the database complains of, as one line of ours; the next call starts with a new connection.
 
-        A transaction that failed while it was committed may still be open on the old one.
-        """
-        where = self.path if self.is_file else self._env["PERSISTENCE_MODULE"]
+class _Others:
+    """What other programs recorded behind `position`: streams and kinds."""
+
+    def __init__(self, position: int | None = None) -> None:
+        self.position = position or 0
+        self.asked = position is not None  # else nothing was decided yet that could be overtaken
+        self._ours: set[int] = set()
+        self._streams: set[str] = set()
+        self._topics: set[str] = set()
+
+    def ours(self, places: Iterable[int]) -> None:
+        """These positions hold what this program recorded itself."""
+        self._ours.update(places)
+
+    def add(self, row: Notification) -> None:
+        self.position = row.id
+        if row.id not in self._ours:
+            self._streams.add(str(row.originator_id))
+            self._topics.add(row.topic)
+
+    def touched(self, streams: Collection[str], kinds: tuple[type[Event], ...]) -> bool:
+        """Whether others recorded something of these streams or kinds."""
+        same = any(issubclass(EVENTS.get(topic, Event), kinds) for topic in self._topics)
+        return same or not self._streams.isdisjoint(streams)
+
+
+def settled(decide: Callable[[], T]) -> T:
+    """What `decide` returns, which asks for facts, makes events of them and appends them: asked again where another
+    program recorded something in between."""
+    while True:
         try:
-            yield
-        except IntegrityError:
-            self._disconnect()
-            raise LedgerError(
-                f"{where}: another program wrote to the same stream meanwhile: run the same command again"
-            ) from None
-        except DATABASE_ERRORS as error:
-            self._disconnect()
-            raise LedgerError(
-                f"{where}: cannot be read or written ({' '.join(str(error).split())}): see that it may be written and "
-                "the disk has space, and restore it from a backup if it is damaged"
-            ) from None
+            return decide()
+        except OvertakenError:
+            continue
 
 
-def _environment(path: Path, write: bool, create: bool) -> dict[str, str]:
-    """The settings of the `eventsourcing` library: a file at `path` unless the environment names a database."""
-    given = {key: value for key, value in os.environ.items() if key.startswith("POSTGRES_")}
-    return given | {
-        "PERSISTENCE_MODULE": os.environ.get("PERSISTENCE_MODULE") or "eventsourcing.sqlite",
-        "SQLITE_DBNAME": f"{path.as_uri()}?mode={'rwc' if create else 'rw'}" if write else reading_uri(path),
-        "ORIGINATOR_ID_TYPE": "text",
-        "CREATE_TABLE": "yes" if create else "no",
-    }
+def placed(folder: Path, server: Server | None, write: bool, create: bool) -> LedgerPlace:
+    """Where the rows of the ledger of the store in `folder` lie."""
+    if server is not None:
+        return ServerTable(server, create)
+    return SqliteFile(folder / "ledger.sqlite", write, create)
 
 
 def _stamp(after: str) -> str:
-    """Now, but at least 1 us after `after` even where the clock was set back, so that a time is one position."""
+    """Now, but at least 1 us after `after` even where the clock was set back, or another machine's is ahead, so that a
+    time is one position."""
     now = utc_text(datetime.now(UTC))
     return max(now, utc_text(datetime.fromisoformat(after) + timedelta(microseconds=1))) if after else now

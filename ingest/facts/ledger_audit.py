@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import sqlite3
 from contextlib import closing
+from pathlib import Path
 
-from ingest.errors import IngestError
+from ingest.errors import IngestError, ServerGoneError
 from ingest.facts.chain import Head
-from ingest.facts.ledger import DATABASE_ERRORS, PAGE, Ledger
+from ingest.facts.ledger import PAGE, Ledger
 from ingest.facts.ledger_history import Flaw, LedgerHistory
 from ingest.facts.ledger_lock import reading_uri
+from ingest.facts.ledger_place import DATABASE_ERRORS, SqliteFile
 
 
 def audit(ledger: Ledger, since: Head | None = None) -> LedgerHistory:
     """Read the whole of `ledger`; `since` is a head that was noted down before, or its beginning.
 
     Without it, a history that was rewritten whole, or cut off after its last seal, cannot be told from a true one.
+    Raises ServerGoneError where a server does not answer: then nothing was checked.
     """
-    seen = LedgerHistory(ledger.is_file)
-    if ledger.is_file:
-        seen.findings += _integrity(ledger)
+    seen = LedgerHistory()
+    if isinstance(ledger.place, SqliteFile):
+        seen.findings += _integrity(ledger.place.path)
     if _read(ledger, seen, since, PAGE):
         _read_around(ledger, seen, since)
     if since and since.position > seen.position:
@@ -36,6 +39,8 @@ def _read(ledger: Ledger, seen: LedgerHistory, since: Head | None, at_once: int)
             if since and since.position == row.id and not seen.head.root.startswith(since.root):
                 says = f"event {row.id}: the root differs from the head given: the history up to here was changed"
                 seen.findings.append(Flaw(says))
+    except ServerGoneError:
+        raise
     except IngestError as error:
         return str(error)
     return None
@@ -61,11 +66,11 @@ def _is_readable(ledger: Ledger, position: int) -> bool:
         return False
 
 
-def _integrity(ledger: Ledger) -> list[Flaw]:
+def _integrity(path: Path) -> list[Flaw]:
     """What SQLite itself finds: pages, indexes, types. It does not see most changed bytes."""
     try:
-        with closing(sqlite3.connect(reading_uri(ledger.path), uri=True)) as connection:
+        with closing(sqlite3.connect(reading_uri(path), uri=True)) as connection:
             lines = [line for (line,) in connection.execute("PRAGMA integrity_check")]
     except DATABASE_ERRORS as error:
         lines = [str(error)]
-    return [Flaw(f"{ledger.path}: SQLite: {' '.join(line.split())}") for line in lines if line != "ok"]
+    return [Flaw(f"{path}: SQLite: {' '.join(line.split())}") for line in lines if line != "ok"]

@@ -29,7 +29,6 @@ class LedgerHistory:
     """`recorded`: the events that are whole, from the first row that was added. `findings`: what is wrong with the
     others, in the order of the ledger."""
 
-    gapless: bool  # positions count 1, 2, 3 ... (a database server may leave numbers out)
     recorded: list[Recorded] = field(default_factory=list)
     findings: list[Flaw] = field(default_factory=list)
     position: int = 0  # of the last row
@@ -66,9 +65,9 @@ class LedgerHistory:
         self._grow(row)
 
     def _count(self, position: int, where: str, stream: str | None) -> None:
-        if self.gapless and position < 1:
+        if position < 1:
             self.findings.append(Flaw(f"{where}: its number was changed, the first event is number 1", stream))
-        elif self.gapless and position != self.position + 1:
+        elif position != self.position + 1:
             self.findings.append(Flaw(f"events {self.position + 1} to {position - 1} are missing"))
 
     def _chain(self, one: Recorded, where: str) -> None:

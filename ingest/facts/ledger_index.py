@@ -2,8 +2,10 @@
 
 The index holds no fact: it says at which positions to look, and what is read there is checked as ever. It is a small
 database in memory, kept beside the ledger as `ledger.index` with a SHA-256 in front, and may be deleted at any time.
-It is believed only while the ledger's file is as the last command left it (size and time of change) and the last event
-that it knows is the one that stands there; else every event is read and checked, and the index is made again.
+It is believed only while the ledger is as the last command left it and the last event that it knows is the one that
+stands there; else every event is read and checked, and the index is made again. SQLite's file is known by its size and
+time of change; a server's table by the counts that the server keeps of rows that were changed or removed: what others
+append there leaves them alone, and is read behind what the index knows.
 """
 
 from __future__ import annotations
@@ -50,24 +52,17 @@ CREATE TABLE quarantined (raw TEXT PRIMARY KEY);
 
 
 class Stamp(NamedTuple):
-    """The ledger's file as it was left: bytes, and time of its last change [ns]."""
+    """What the rows were left as, by what differs after something else touched them: bytes and time of last change [ns]
+    of SQLite's file; of a server's table its file there, and how often rows were changed or removed."""
 
-    size: int
-    changed_ns: int
-
-    @classmethod
-    def of(cls, path: Path) -> Stamp | None:
-        try:
-            found = path.stat()
-        except OSError:
-            return None
-        return cls(found.st_size, found.st_mtime_ns)
+    extent: int
+    changes: int
 
 
 @dataclass(frozen=True)
 class Known:
     """How far an index knows the ledger: the last event's `position` and `digest`, when it was `recorded`, the Merkle
-    tree up to it as (height, hash), and the ledger's file then (`stamp`: bytes, time of change)."""
+    tree up to it as (height, hash), and what the rows were left as then (`stamp`)."""
 
     position: int = 0
     digest: str = ""
@@ -95,7 +90,7 @@ class LedgerIndex:
 
     @classmethod
     def load(cls, path: Path, stamp: Stamp | None) -> LedgerIndex | None:
-        """The index at `path`, None where there is none for a ledger's file that is as `stamp` says."""
+        """The index at `path`, None where there is none for a ledger that is as `stamp` says."""
         try:
             data = path.read_bytes()
             if sha256(data[DIGEST:]).digest() != data[:DIGEST]:

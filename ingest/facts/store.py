@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import shutil
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 from uuid import uuid4
 
-from ingest.errors import IngestError, StoreError
+from ingest.errors import IngestError, LedgerError, StoreError
 from ingest.facts.alias import reachable
 from ingest.facts.archive import Archive
 from ingest.facts.durable import sync_folder, sync_tree, write_file
 from ingest.facts.ledger import Ledger
+from ingest.facts.ledger_server import Server
 
 if TYPE_CHECKING:
     from ingest.facts.cited import Forgotten
 
 SCHEMA = "whyhot.store/1"
+ON_SERVER = "whyhot.store/2"  # of a store whose ledger lies in a server, so that a whyhot that knows none refuses it
 MARK = "store.json"
 OURS = {MARK, "archive", "decoded", "tmp", "ledger.lock", "ledger.sqlite", "ledger.index", "ledger.index-new"}
 OURS |= {f"ledger.sqlite-{beside}" for beside in ("shm", "wal", "journal")}  # what SQLite leaves where it was stopped
@@ -34,28 +38,37 @@ class Store:
         self._write = write
         self._new = new
         self._tmp = folder / "tmp"
+        self._works: list[Path] = []
         self.archive = Archive(folder / "archive", self._tmp if write else None, self._gone)
 
     @classmethod
-    def open(cls, folder: Path, *, create: bool = False, write: bool = False) -> Self:
-        """Open the store in `folder`; with `create` it is made, and opened for writing, where there is none.
+    def open(cls, folder: Path, *, create: bool = False, write: bool = False, alone: bool = False) -> Self:
+        """Open the store in `folder`; with `create` it is made, and opened for writing, where there is none. With
+        `alone` no other process writes until it is closed, where several may.
 
         Raises StoreError where there is no store, something else lies there, or the folder cannot be read or written;
-        LedgerError where another process is writing.
+        LedgerError where another process is writing, or the server of its ledger cannot be used.
         """
         write = write or create
         try:
             new = create and _is_free(folder)
             if new:
                 folder.mkdir(parents=True, exist_ok=True)
-            else:
-                _check_mark(folder)
+            server = None if new else server_of(folder)
             folder = reachable(folder)
-            ledger = Ledger(folder, write=write, create=new)
+            try:
+                ledger = Ledger(folder, write=write, create=new, server=server, alone=alone)
+            except LedgerError:
+                if new or server_of(folder) == server:
+                    raise
+                return cls.open(folder, write=write, alone=alone)  # moved while this was looking for it
             try:
                 store = cls(folder, ledger, write=write, new=new)
                 if write:
-                    store._make_ready()
+                    store._make_ready(alone)
+                    if server_of(folder) != server:  # moved while this waited for its turn
+                        ledger.close()
+                        return cls.open(folder, write=True, alone=alone)
                 return store
             except BaseException:
                 ledger.close()
@@ -104,7 +117,8 @@ class Store:
     def close(self) -> None:
         """Let the next writer in."""
         if self._write:
-            _empty(self._tmp)
+            for work in self._works:
+                shutil.rmtree(work, ignore_errors=True)
             self._write = False
         if self._ledger is not None:
             self._ledger.close()
@@ -115,6 +129,7 @@ class Store:
             raise StoreError(f"{self.folder}: was opened for reading: open the store for writing")
         folder = self._tmp / uuid4().hex
         folder.mkdir()
+        self._works.append(folder)
         return folder
 
     def decoded(self, decode: str) -> Path:
@@ -130,9 +145,9 @@ class Store:
         """
         target = self.decoded(decode)
         sync_tree(made)
-        if target.exists():
-            target.replace(self.work() / decode)
-        made.replace(target)
+        while not _moved(made, target):
+            with suppress(FileNotFoundError):  # another writer has moved it away
+                target.replace(self.work() / decode)
         sync_folder(target.parent)
         return target
 
@@ -143,15 +158,26 @@ class Store:
         except IngestError:
             return None
 
-    def _make_ready(self) -> None:
-        """Make what is missing of the layout, the mark last: a creation that was stopped is taken up by the next."""
+    def put_ledger(self, server: Server | None) -> None:
+        """Say in the mark where the ledger lies from now on: whole, or as it was. None: in the folder."""
+        on_server = {"schema": ON_SERVER, "ledger": server._asdict()} if server else None
+        text = json.dumps(on_server or {"schema": SCHEMA}) + "\n"
+        write_file(self._tmp, [text.encode()]).replace(self.folder / MARK)
+        sync_folder(self.folder)
+
+    def _make_ready(self, alone: bool) -> None:
+        """Make what is missing of the layout, the mark last: a creation that was stopped is taken up by the next. What
+        other writers left is removed where none is there; then they are let in, unless this one is to stay alone."""
         for part in ("archive", "decoded", "tmp"):
             (self.folder / part).mkdir(exist_ok=True)
-        _empty(self._tmp)
+        lock = self.ledger.lock
+        if lock and lock.alone:
+            _empty(self._tmp)
         if not (self.folder / MARK).exists():
-            text = json.dumps({"schema": SCHEMA}) + "\n"
-            write_file(self._tmp, [text.encode()]).replace(self.folder / MARK)
+            self.put_ledger(None)
         sync_folder(self.folder)
+        if lock and self.ledger.place.shared and not alone:
+            lock.share()
 
 
 def _is_free(folder: Path) -> bool:
@@ -166,22 +192,38 @@ def _is_free(folder: Path) -> bool:
     return True
 
 
-def _check_mark(folder: Path) -> None:
-    """Raises StoreError where `folder` is no store, or one of a schema that is not known here."""
+def server_of(folder: Path) -> Server | None:
+    """Where the ledger of the store in `folder` lies by its mark; None: in the folder.
+
+    Raises StoreError where there is no store, or one of a schema that is not known here.
+    """
     try:
         mark = json.loads((folder / MARK).read_bytes())
         schema = mark["schema"]
+        server = Server(**mark["ledger"]) if schema == ON_SERVER else None
     except (FileNotFoundError, NotADirectoryError):
         advice = "`whyhot ingest FILE...` makes one, --store DIR or WHYHOT_STORE names another"
         raise StoreError(f"{folder}: there is no store here: {advice}") from None
     except (ValueError, TypeError, KeyError):
         raise StoreError(f"{folder / MARK}: is not readable: it should hold {json.dumps({'schema': SCHEMA})}") from None
-    if schema != SCHEMA:
+    if schema not in (SCHEMA, ON_SERVER):
         raise StoreError(f"{folder / MARK}: schema {schema!r} is not known here (this is {SCHEMA}): update whyhot")
+    return server
+
+
+def _moved(made: Path, target: Path) -> bool:
+    """Whether the folder `made` is at `target` now; where something is there it is left where it was."""
+    try:
+        made.replace(target)
+    except OSError as error:
+        if error.errno not in (errno.ENOTEMPTY, errno.EEXIST, errno.EACCES) or not target.exists():
+            raise
+        return False
+    return True
 
 
 def _empty(folder: Path) -> None:
-    """Remove what a writer left in `folder`; only the one writer may."""
+    """Remove what writers left in `folder`; only one that is alone may."""
     for path in folder.iterdir():
         if path.is_dir():
             shutil.rmtree(path)

@@ -19,8 +19,9 @@ from ingest.facts.facts import fold
 from ingest.facts.ledger import INDEX
 from ingest.facts.ledger_audit import audit
 from ingest.facts.ledger_history import Flaw, LedgerHistory
-from ingest.facts.ledger_index import LedgerIndex, Stamp
+from ingest.facts.ledger_index import LedgerIndex
 from ingest.facts.ledger_lock import has_wal_reset_bug
+from ingest.facts.ledger_place import SqliteFile
 from ingest.facts.store import Store
 from ingest.facts.sweeping import remains
 
@@ -69,21 +70,22 @@ def check(store: Store, read: bool = True, since: Head | None = None) -> StoreCh
 
     `since` is a head that was noted down before.
     """
-    found = StoreCheck()
+    found, place = StoreCheck(), store.ledger.place
     seen = audit(store.ledger, since)
     if seen.findings:
-        _from_disk(store.ledger.path)
+        if isinstance(place, SqliteFile):
+            _from_disk(place.path)
         first, seen = seen, audit(store.ledger, since)
         if not seen.findings:
-            found.hints.append(
-                f"{store.ledger.path}: was read wrong at first and right after: {first.findings[0].says}"
-            )
+            found.hints.append(f"{place.where}: was read wrong at first and right after: {first.findings[0].says}")
     _check_files(found, store.folder, store.archive, seen, read)
     index = store.folder.absolute() / INDEX
-    kept = LedgerIndex.load(index, Stamp.of(store.ledger.path))
+    kept = LedgerIndex.load(index, place.stamp())
     if kept and not seen.findings and not kept.says_as(seen.recorded):
         says = f"{index}: does not say where the events lie: delete it, the next command makes it again"
         found.damages.append(Damage(says, (), "delete it"))
+    if isinstance(place, SqliteFile):
+        found.hints += _sqlite()
     found.head = None if seen.findings else seen.head
     return found
 
@@ -91,7 +93,7 @@ def check(store: Store, read: bool = True, since: Head | None = None) -> StoreCh
 def check_without_ledger(folder: Path, why: str, read: bool = True) -> StoreCheck:
     """Check the store in `folder`, whose ledger cannot be opened (`why`): each sealed file against its name."""
     found = StoreCheck()
-    unread = LedgerHistory(gapless=True, findings=[Flaw(why)])
+    unread = LedgerHistory(findings=[Flaw(why)])
     _check_files(found, folder, Archive(folder / "archive", None), unread, read)
     return found
 
@@ -119,7 +121,6 @@ def _check_files(found: StoreCheck, folder: Path, archive: Archive, seen: Ledger
         found.hints += _strays(folder, archive, {*files, *gone.files}, decodes)
         found.hints += gone.logs.values()
         found.hints += (f"{path}: is still here, and {why}: {FORGET}" for path, why in remains(folder, archive, gone))
-    found.hints += _sqlite()
     affected = {name for one in found.damages for name in one.affects}
     found.sessions = [session.name for session in facts.sessions if session.name not in affected]
 

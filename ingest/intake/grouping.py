@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import combinations
 
 from ingest.bench.bench_file import Bench, read_bench
@@ -13,12 +14,23 @@ from ingest.catalogue.looked import Looked, is_long, look, looked
 from ingest.errors import IngestError
 from ingest.facts import facts as ledger_facts
 from ingest.facts import sessions
-from ingest.facts.events import Event, QualityFlagged, SessionRecorded, SessionRegrouped
+from ingest.facts.events import (
+    Event,
+    FactReinstated,
+    FactRetracted,
+    LogCorrected,
+    QualityFlagged,
+    SessionRecorded,
+    SessionRegrouped,
+)
 from ingest.facts.facts import Facts, LookedUp
+from ingest.facts.ledger import settled
 from ingest.facts.sessions import Override
 from ingest.facts.store import Store
 
 Change = SessionRecorded | SessionRegrouped
+# By which of what others record meanwhile a session may be another one.
+GROUPING = (SessionRecorded, SessionRegrouped, FactRetracted, FactReinstated, LogCorrected)
 FEW_RECORDS = 3  # quality has no finding in so few: a gap takes four samples, a stretch seven
 
 
@@ -36,6 +48,14 @@ def group_files(
     """Group files into sessions and append what is new, behind the facts `first` that it follows from, all or none; a
     session whose samples cannot be read stops no other. `raws`: SHA-256 of the logs that are new; with `first` any
     session may be another one afterwards."""
+    if first:  # of a person, who is to see what others changed meanwhile
+        return _group(store, raws, said, first)
+    return settled(partial(_group, store, raws, said, first))
+
+
+def _group(
+    store: Store, raws: Collection[str], said: Mapping[str, Override], first: Sequence[tuple[str, Event]]
+) -> Grouped:
     known = ledger_facts.at(store.ledger)
     if isinstance(known, LookedUp) and not first:
         changes = _changes_near(known, raws, _benches(store, known), said)
@@ -65,7 +85,8 @@ def group_files(
         stream = f"session-{event.session}"
         events += [(stream, event), *((stream, flag) for flag in found)]
         grouped.flags += [(event.name, flag) for flag in found]
-    store.ledger.append_all(events)  # all or none: one wait for the disk, however many sessions a table holds
+    # All or none: one wait for the disk, however many sessions a table holds.
+    store.ledger.append_all(events, rests_on=GROUPING)
     return grouped
 
 

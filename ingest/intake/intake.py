@@ -19,6 +19,7 @@ from ingest.facts import facts as ledger_facts
 from ingest.facts.durable import sha256_of
 from ingest.facts.events import COUNTS, DecodeCompleted, Event, QualityFlagged, RawFileSealed, SessionRecorded
 from ingest.facts.facts import Facts
+from ingest.facts.ledger import settled
 from ingest.facts.sessions import Override
 from ingest.facts.store import Store
 from ingest.formats import Format, recognise
@@ -209,21 +210,32 @@ def _keep(store: Store, known: Facts, one: _Read, setup: Setup, channels: Sequen
     if store.archive.seal(one.path) != one.raw:
         raise IngestError(f"{name}: changed while it was read: wait until it is whole, then ingest it again.")
     decode = _decode(store, one, one.reading, setup, channels) if one.reading else _quarantined(one, setup)
+    flags = clock.findings(name, decode.settings.get("clock", {}), decode.absolute) + j1939.findings(
+        name, decode.settings
+    )
+
+    def record() -> None:
+        events = _news(ledger_facts.now(store.ledger, known), one, decode, size, flags)
+        store.ledger.append_all([(f"file-{one.raw}", event) for event in events])
+
+    settled(record)
+    return Taken(name, size, one.form.holds, one.raw, decode, known=False, refusal=one.why, flags=tuple(flags))
+
+
+def _news(known: Facts, one: _Read, decode: DecodeCompleted, size: int, flags: Sequence[QualityFlagged]) -> list[Event]:
+    """What a log that was decoded adds to the facts; nothing where another program took it in meanwhile."""
+    name = kept_name(one.path)
     events: list[Event] = []
     if one.raw not in known.files or known.files[one.raw].name != name:
         events.append(RawFileSealed(sha256=one.raw, name=name, size=size, format=one.form.name))
     before = known.decodes.get(decode.decode)
-    flags = clock.findings(name, decode.settings.get("clock", {}), decode.absolute) + j1939.findings(
-        name, decode.settings
-    )
     if before is None or before.why != decode.why:
         events += [decode, *flags]
     for twin in known.called(name):
         if one.raw not in known.files:
             says = f"{name}: another file of this name was ingested before, with other bytes ({twin.sha256[:12]})"
             events.append(QualityFlagged(flag="same_name_other_bytes", says=says, detail={"other": twin.sha256}))
-    store.ledger.append_all([(f"file-{one.raw}", event) for event in events])
-    return Taken(name, size, one.form.holds, one.raw, decode, known=False, refusal=one.why, flags=tuple(flags))
+    return events
 
 
 def _decode(

@@ -12,6 +12,7 @@ from ingest.bench.changes import refuse_within
 from ingest.bench.resolving import ResolvedChannel, check_nodes, resolve
 from ingest.bench.signals import Directory, Signal
 from ingest.errors import BenchFileError, IngestError
+from ingest.facts import facts as ledger_facts
 from ingest.facts.events import (
     BenchRegistered,
     DecodeCompleted,
@@ -21,6 +22,7 @@ from ingest.facts.events import (
     SignalDatabaseRegistered,
 )
 from ingest.facts.facts import Facts
+from ingest.facts.ledger import settled
 from ingest.facts.store import Store
 from ingest.formats import Format, TimeSpec
 from ingest.log.databases import Database, merged, signals_of
@@ -209,6 +211,11 @@ def signals_in(databases: Sequence[Database], readings: Sequence[LogReading]) ->
 
 def keep_setup(store: Store, known: Facts, setup: Setup) -> None:
     """Seal and register what is new of databases, motor file and bench file."""
+    settled(lambda: store.ledger.append_all(_sealed(store, ledger_facts.now(store.ledger, known), setup)))
+
+
+def _sealed(store: Store, known: Facts, setup: Setup) -> list[tuple[str, Event]]:
+    """What is new of a setup as facts, its bytes sealed."""
     events: list[tuple[str, Event]] = []
     for database in setup.databases:
         if database.sha256 not in known.databases:
@@ -230,8 +237,7 @@ def keep_setup(store: Store, known: Facts, setup: Setup) -> None:
         if known.benches.get(bench.sha256) != now:
             store.archive.seal(setup.bench_data)
             events.append((f"bench-{bench.sha256}", now))
-    if events:
-        store.ledger.append_all(events)
+    return events
 
 
 def mend_setup(store: Store, known: Facts, setup: Setup) -> None:

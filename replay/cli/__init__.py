@@ -60,6 +60,7 @@ VERBS: dict[str, str] = {
     "head": "the ledger's head: position and Merkle root",
     "backup": "a second copy of the store in another folder: only what is new is copied; others may write meanwhile",
     "restore": "a new store from a backup, checked to the last byte",
+    "move": "the ledger into a PostgreSQL server, for several writers at once, or back into the store's folder",
     "completion": "the script that makes bash, zsh or fish complete verbs, options and names of the store",
     "doctor": "versions, SQLite safety, store and disk: what a problem report needs",
 }

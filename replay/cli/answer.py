@@ -31,8 +31,15 @@ class Answer:
 
 
 def store_folder(args: argparse.Namespace) -> Path:
-    """--store, else WHYHOT_STORE, else ./whyhot-store."""
-    return Path(args.store or os.environ.get("WHYHOT_STORE") or DEFAULT_STORE)
+    """--store, else WHYHOT_STORE, else ./whyhot-store. Raises StoreError for a URL: a store is a folder."""
+    named = str(args.store or os.environ.get("WHYHOT_STORE") or DEFAULT_STORE)
+    if "://" in named:
+        from ingest.errors import StoreError
+        from ingest.facts.ledger_server import shown
+
+        advice = "`whyhot move URL --store DIR` brings its ledger into a server, after which DIR is its name as before"
+        raise StoreError(f"--store {shown(named)}: a store is a folder, give that: {advice}")
+    return Path(named)
 
 
 def provenance(store: Store | None, **settings: Any) -> dict[str, Any]:

@@ -9,7 +9,8 @@ from replay.cli.answer import store_folder
 
 # By name, so that a refusal is worded without importing the package that raised it (analytics may not be there).
 ROOTS = ("IngestError", "TwinError", "AnalyticsError", "ReplayError")
-LIBRARIES = ("pyarrow", "duckdb", "_duckdb", "sqlite3", "eventsourcing")  # through which files are read and written
+# Through which files and ledgers are read and written.
+LIBRARIES = ("pyarrow", "duckdb", "_duckdb", "sqlite3", "eventsourcing", "psycopg")
 FULL = (errno.ENOSPC, errno.EDQUOT)
 AGAIN = "see that the disk, and the network that it is on, are well, then run it again; `whyhot verify --read` checks"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from ingest.catalogue.decoded import refuse_forgotten
@@ -11,6 +12,7 @@ from ingest.errors import DamageError, IngestError
 from ingest.facts import facts as ledger_facts
 from ingest.facts.events import ReplayCompleted, ReplayDiverged, SessionRecorded
 from ingest.facts.facts import Facts
+from ingest.facts.ledger import settled
 from ingest.facts.store import Store
 from ingest.units.each import Lost, Workers, each
 from ingest.units.shared import InProcess, Shared, share
@@ -82,7 +84,7 @@ def replay_sessions(
     for job, done in each(_work, jobs, workers):
         session = sessions[order[job.session]]
         said = f"session {session.name}: {done.why}" if isinstance(done, Lost) else done
-        outcomes.append(_append(store, session, said, work))
+        outcomes.append(_append(store, facts, session, said, work))
         tell(f"replayed {len(outcomes)} of {len(sessions)}: {session.name}")
     return sorted(outcomes, key=lambda outcome: order[outcome.session.session])
 
@@ -98,7 +100,7 @@ def _work(job: Job) -> Completed | str:
         return str(error)
 
 
-def _append(store: Store, session: SessionRecorded, done: Completed | str, work: Path) -> Outcome:
+def _append(store: Store, facts: Facts, session: SessionRecorded, done: Completed | str, work: Path) -> Outcome:
     if isinstance(done, str):
         return Outcome(session, None, done)
     if isinstance(done.event, ReplayCompleted):
@@ -106,7 +108,7 @@ def _append(store: Store, session: SessionRecorded, done: Completed | str, work:
             if (work / sha256).is_file():  # of a run that is known too: what was damaged or lost of it is mended
                 store.archive.seal(work / sha256)
     if not done.known:
-        store.ledger.append(f"run-{done.event.run}", done.event)
+        settled(partial(_record, store, facts, done.event))
     if isinstance(done.event, ReplayDiverged):
         place = f"first at {done.event.t_s} s in {done.event.field}" if done.event.field else "in no stored field"
         why = (
@@ -115,3 +117,9 @@ def _append(store: Store, session: SessionRecorded, done: Completed | str, work:
         )
         return Outcome(session, None, why)
     return Outcome(session, done.event, None, done.apart)
+
+
+def _record(store: Store, known: Facts, event: ReplayCompleted | ReplayDiverged) -> None:
+    """Append what a run gave, unless another program has recorded the same run meanwhile."""
+    if isinstance(event, ReplayDiverged) or event.run not in ledger_facts.now(store.ledger, known).runs:
+        store.ledger.append(f"run-{event.run}", event)

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from ingest.errors import DamageError, LedgerError, StoreError
+from ingest.errors import DamageError, StoreError
 from ingest.facts.backup import Amount, backup, restore
 from ingest.facts.chain import Head
 from ingest.facts.events import SignalDatabaseRegistered
@@ -164,15 +164,6 @@ def test_a_backup_with_a_damaged_ledger_is_not_gone_on_with_nor_restored(
     assert findings(folder) == []
 
 
-def test_a_ledger_in_a_database_server_is_left_to_the_server(
-    folder: Path, target: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("PERSISTENCE_MODULE", "eventsourcing.popo")
-    with pytest.raises(LedgerError, match="the ledger lies in a database server"):
-        backup(folder, target)
-    assert not target.exists()
-
-
 def test_a_restored_store_is_the_backed_up_one_and_is_written_to_as_that(
     folder: Path, target: Path, tmp_path: Path
 ) -> None:
@@ -234,7 +225,7 @@ import json, os, random, shutil, signal, sys, time
 from pathlib import Path
 from ingest.facts.backup import backup, restore
 from ingest.facts.events import RawFileSealed
-from ingest.facts.ledger import Ledger
+from ingest.facts.ledger_place import SqliteFile
 from ingest.facts.store import Store
 from ingest.facts.store_check import check
 
@@ -278,8 +269,8 @@ def dies_at(call, work):
         return step
     for name in ("write", "fsync", "replace", "mkdir"):
         setattr(os, name, counted(getattr(os, name)))
-    Ledger._try_insert = counted(Ledger._try_insert)
-    Ledger._disconnect = counted(Ledger._disconnect)
+    SqliteFile.insert = counted(SqliteFile.insert)
+    SqliteFile.disconnect = counted(SqliteFile.disconnect)
     work()
 
 with Store.open(folder, create=True) as store:

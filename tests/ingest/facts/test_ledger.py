@@ -22,6 +22,7 @@ from ingest.facts.events import EVENTS, Event, LedgerSealed, RawFileSealed, Sess
 from ingest.facts.ledger import Ledger
 from ingest.facts.ledger_audit import audit
 from ingest.facts.ledger_lock import has_wal_reset_bug
+from ingest.facts.ledger_place import SqliteFile
 from ingest.facts.ledger_row import Recorded
 from made.events import decode, raw, session
 from made.forged import change, forge, resealed, rewrite, stored
@@ -192,7 +193,7 @@ def test_a_locked_database_is_one_sentence_and_works_again_later(
     ledger: Ledger, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("eventsourcing.sqlite.SQLITE3_DEFAULT_LOCK_TIMEOUT", 0.05)
-    ledger._disconnect()
+    ledger.place.disconnect()
     with closing(sqlite3.connect(tmp_path / "ledger.sqlite")) as other:
         other.execute("BEGIN IMMEDIATE")
         with pytest.raises(
@@ -204,8 +205,8 @@ def test_a_locked_database_is_one_sentence_and_works_again_later(
 
 
 def test_a_full_disk_stores_nothing_and_the_same_append_works_after(ledger: Ledger) -> None:
-    assert ledger._connection
-    with ledger._connection[0].datastore.get_connection(commit=True) as connection:  # type: ignore[attr-defined]
+    assert isinstance(ledger.place, SqliteFile) and ledger.place._factory
+    with ledger.place._factory.datastore.get_connection(commit=True) as connection:  # type: ignore[attr-defined]
         connection.cursor().execute("PRAGMA max_page_count=8")
     long = decode("d", "a", why="x" * 100_000)
     with pytest.raises(LedgerError, match="database or disk is full"):
@@ -304,20 +305,6 @@ def test_a_ledger_on_a_read_only_medium_is_read(written: Path, monkeypatch: pyte
     assert "immutable=1" in ledger_lock.reading_uri(written / "ledger.sqlite")
     assert findings(written) == []
     assert sorted(path.name for path in written.iterdir()) == before
-
-
-def test_another_persistence_module_is_chosen_by_the_environment(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("PERSISTENCE_MODULE", "eventsourcing.popo")
-    with closing(Ledger(tmp_path, write=True, create=True)) as ledger:
-        head = fill(ledger)
-        assert audit(ledger, head).findings == []
-        assert len(ledger.events()) == 9
-    assert not (tmp_path / "ledger.sqlite").exists()
-    monkeypatch.setenv("PERSISTENCE_MODULE", "no.such.module")
-    with pytest.raises(LedgerError, match=r"no.such.module: cannot be read or written \(Failed to resolve"):
-        Ledger(tmp_path)
 
 
 def test_a_seal_holds_the_head_before_it_and_is_made_once(ledger: Ledger) -> None:

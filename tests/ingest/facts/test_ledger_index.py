@@ -28,7 +28,8 @@ from ingest.facts.events import (
 from ingest.facts.facts import Facts, LookedUp
 from ingest.facts.ledger import INDEX, Ledger
 from ingest.facts.ledger_audit import audit
-from ingest.facts.ledger_index import LedgerIndex, Stamp
+from ingest.facts.ledger_index import LedgerIndex
+from ingest.facts.ledger_place import SqliteFile
 from ingest.facts.store import Store
 from ingest.facts.store_check import damage
 from made.events import decode, raw, session
@@ -227,7 +228,7 @@ def strange(data: bytes) -> bytes:
 def test_a_harmed_index_is_made_again_and_says_nothing_wrong(written: Path, harm: Callable[[bytes], bytes]) -> None:
     path = written / INDEX
     path.write_bytes(harm(path.read_bytes()))
-    stamp = Stamp.of(written / "ledger.sqlite")
+    stamp = SqliteFile(written / "ledger.sqlite", False, False).stamp()
     assert LedgerIndex.load(path, stamp) is None
     assert name_of(written, "s7") == "s7"
     assert LedgerIndex.load(path, stamp) is not None
@@ -256,7 +257,7 @@ def test_an_index_that_was_made_to_hide_a_session_is_found_by_verify(tmp_path: P
     with Store.open(tmp_path / "s") as store:
         assert damage(store) == []
     path = tmp_path / "s" / INDEX
-    index = LedgerIndex.load(path, Stamp.of(tmp_path / "s" / "ledger.sqlite"))
+    index = LedgerIndex.load(path, SqliteFile(tmp_path / "s" / "ledger.sqlite", False, False).stamp())
     assert index is not None
     index._connection.execute("DELETE FROM place WHERE position = 3")
     index.save(path, index.known)
@@ -293,4 +294,4 @@ def test_facts_of_a_closed_ledger_are_still_read_and_leave_no_connection(written
         known = facts_module.at(ledger)
     assert known.session("s7").name == "s7"
     assert len(known.sessions) == 20
-    assert ledger._connection is None
+    assert ledger.place._recorder is None

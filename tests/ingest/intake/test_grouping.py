@@ -70,9 +70,9 @@ def test_all_sessions_of_a_table_are_kept_in_one_transaction(
     transactions: list[set[str]] = []
     insert = Ledger._insert
 
-    def counted(ledger: Ledger, rows: Sequence[StoredEvent]) -> Sequence[int]:
+    def counted(ledger: Ledger, rows: Sequence[StoredEvent], after: int) -> Sequence[int] | None:
         transactions.append({row.topic.removeprefix("whyhot:") for row in rows})
-        return insert(ledger, rows)
+        return insert(ledger, rows, after)
 
     monkeypatch.setattr(Ledger, "_insert", counted)
     take(tmp_path, [f"S{k}" for k in range(count)])

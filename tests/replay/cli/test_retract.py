@@ -167,9 +167,9 @@ def test_a_retraction_and_what_it_makes_of_the_sessions_are_one_transaction(
     transactions: list[set[str]] = []
     insert = Ledger._insert
 
-    def counted(ledger: Ledger, rows: Sequence[StoredEvent]) -> Sequence[int]:
+    def counted(ledger: Ledger, rows: Sequence[StoredEvent], after: int) -> Sequence[int] | None:
         transactions.append({row.topic.removeprefix("whyhot:") for row in rows})
-        return insert(ledger, rows)
+        return insert(ledger, rows, after)
 
     monkeypatch.setattr(Ledger, "_insert", counted)
     assert main(["retract", "b.csv", *WHY]) == 0
