@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -16,14 +16,18 @@ import pytest
 from ingest.errors import DamageError, LedgerError, OvertakenError, ServerGoneError
 from ingest.facts import facts as facts_module
 from ingest.facts.chain import Head
-from ingest.facts.events import RawFileSealed, SessionRecorded
+from ingest.facts.events import DecodeCompleted, RawFileSealed, SessionRecorded
 from ingest.facts.ledger import INDEX, Ledger, settled
 from ingest.facts.ledger_audit import audit
 from ingest.facts.ledger_row import encode
 from ingest.facts.ledger_server import Server, ServerTable
 from ingest.facts.move import move
+from ingest.facts.sessions import Override
 from ingest.facts.store import MARK, Store, server_of
 from ingest.facts.store_check import damage
+from ingest.intake import grouping
+from ingest.intake.intake import take_in
+from ingest.intake.setup import MotorFile, prepare
 from made.events import raw, session
 from made.postgres import PostgresServer, postgres, why_none
 
@@ -285,6 +289,81 @@ def test_two_writers_at_once_lose_and_double_nothing(folder: Path) -> None:
     assert sorted(names(folder)) == sorted(["a", "b", *result["said"]])
     assert len(result["said"]) == 24
     assert findings(folder) == []
+
+
+BENCH = """
+schema = "whyhot.bench/1"
+specimen = "stator-07"
+[time]
+column = "time"
+join_gap_s = 60
+[[channel]]
+signal = "T"
+quantity = "temperature"
+unit = "degC"
+node = "winding"
+"""
+
+
+def test_ingests_that_overtake_each_other_record_what_one_after_the_other_does(
+    server: PostgresServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Logs of one run, each 30 s after the one before it. While 0 becomes a session another program takes in 1, which
+    belongs to it; and right before 2 is recorded another one records it."""
+    (tmp_path / "bench.toml").write_text(BENCH)
+    logs = [tmp_path / f"{k}.csv" for k in range(3)]
+    for k, log in enumerate(logs):
+        rows = [f"2026-01-01 10:{2 * k + s // 60:02}:{s % 60:02},{20 + s / 10 + k}" for s in range(0, 91, 10)]
+        log.write_text("\n".join(["time,T", *rows]) + "\n")
+    alone, shared = tmp_path / "alone", tmp_path / "shared"
+    take(alone, logs)
+    Store.open(shared, create=True).close()
+    move(shared, server.url)
+    looked, publish = grouping._looked, Store.publish
+    another = [1]
+
+    def meanwhile() -> None:
+        if another:
+            take(shared, [logs[another.pop()]])
+
+    def after_decision(*given: Any) -> Any:
+        meanwhile()
+        return looked(*given)
+
+    def before_recording(store: Store, made: Path, name: str) -> Path:
+        done = publish(store, made, name)
+        meanwhile()
+        return done
+
+    with monkeypatch.context() as patched:
+        patched.setattr(grouping, "_looked", after_decision)
+        take(shared, logs[:1])
+    with Store.open(shared) as store:
+        assert [one.name for one in facts_module.at(store.ledger).sessions] == ["0"], "of both logs"
+    another = [2]
+    with monkeypatch.context() as patched:
+        patched.setattr(Store, "publish", before_recording)
+        take(shared, logs[2:])
+    assert another == []
+    known = []
+    for folder in (alone, shared):
+        with Store.open(folder) as store:
+            assert damage(store) == []
+            found = facts_module.at(store.ledger)
+            known.append(([one.session for one in found.sessions], dict(found.decodes), dict(found.files)))
+            recorded = store.ledger.events()
+    assert known[0] == known[1]
+    assert len([one for one in recorded if isinstance(one.event, RawFileSealed)]) == len(logs)
+    assert len([one for one in recorded if isinstance(one.event, DecodeCompleted)]) == len(logs)
+
+
+def _no_motor(path: Path) -> MotorFile:
+    raise AssertionError(f"{path} should not be read")
+
+
+def take(folder: Path, logs: Sequence[Path]) -> None:
+    with Store.open(folder, create=True) as store:
+        take_in(store, logs, prepare(logs, logs[0].with_name("bench.toml"), [], _no_motor), Override())
 
 
 def test_a_killed_client_takes_nothing_with_it_and_holds_up_nobody(folder: Path) -> None:

@@ -188,7 +188,7 @@ def dies_at(call, work):
                 os.kill(os.getpid(), signal.SIGKILL)
             return true(*args, **named)
         return step
-    for name in ("write", "fsync", "replace", "unlink"):
+    for name in ("fsync", "replace", "unlink"):
         setattr(os, name, counted(getattr(os, name)))
     for kind in (SqliteFile, ServerTable):
         kind.insert, kind.disconnect = counted(kind.insert), counted(kind.disconnect)
