@@ -10,6 +10,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -27,7 +28,8 @@ def import_all() -> None:
     """Import all of ours and what it stands on, so that no child has to. Nothing runs: a child inherits no threads."""
     for package in ("ingest", "twin", "analytics", "replay"):
         for module in pkgutil.walk_packages([str(ROOT / package)], f"{package}."):
-            import_module(module.name)
+            with suppress(ImportError):  # of an extra that is not installed
+                import_module(module.name)
 
 
 def started(work: Callable[[], object], said: Path | None = None) -> int:
