@@ -43,8 +43,8 @@ class OvertakenError(LedgerError):
     """Another writer recorded meanwhile what a new event should have been made of."""
 
 
-class ServerGoneError(LedgerError):
-    """The server that holds the ledger does not answer."""
+class ServerError(LedgerError):
+    """The server that holds the ledger does not answer, or does not let in: of the ledger nothing is known."""
 
 
 class StoreError(IngestError):

@@ -6,7 +6,7 @@ import sqlite3
 from contextlib import closing
 from pathlib import Path
 
-from ingest.errors import IngestError, ServerGoneError
+from ingest.errors import IngestError, ServerError
 from ingest.facts.chain import Head
 from ingest.facts.ledger import PAGE, Ledger
 from ingest.facts.ledger_history import Flaw, LedgerHistory
@@ -18,7 +18,7 @@ def audit(ledger: Ledger, since: Head | None = None) -> LedgerHistory:
     """Read the whole of `ledger`; `since` is a head that was noted down before, or its beginning.
 
     Without it, a history that was rewritten whole, or cut off after its last seal, cannot be told from a true one.
-    Raises ServerGoneError where a server does not answer: then nothing was checked.
+    Raises ServerError where a server does not answer or let in: then nothing was checked.
     """
     seen = LedgerHistory()
     if isinstance(ledger.place, SqliteFile):
@@ -39,7 +39,7 @@ def _read(ledger: Ledger, seen: LedgerHistory, since: Head | None, at_once: int)
             if since and since.position == row.id and not seen.head.root.startswith(since.root):
                 says = f"event {row.id}: the root differs from the head given: the history up to here was changed"
                 seen.findings.append(Flaw(says))
-    except ServerGoneError:
+    except ServerError:
         raise
     except IngestError as error:
         return str(error)

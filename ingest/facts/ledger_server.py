@@ -12,9 +12,15 @@ from collections.abc import Sequence
 from secrets import token_hex
 from typing import TYPE_CHECKING, NamedTuple
 
-from eventsourcing.persistence import ApplicationRecorder, InterfaceError, OperationalError, StoredEvent
+from eventsourcing.persistence import (
+    ApplicationRecorder,
+    InterfaceError,
+    OperationalError,
+    ProgrammingError,
+    StoredEvent,
+)
 
-from ingest.errors import LedgerError, ServerGoneError, not_installed
+from ingest.errors import LedgerError, ServerError, not_installed
 from ingest.facts.ledger_index import Stamp
 from ingest.facts.ledger_place import LedgerPlace
 
@@ -34,7 +40,7 @@ class Server(NamedTuple):
 
     @classmethod
     def new(cls, url: str) -> Server:
-        """A table that is not there yet. Raises LedgerError for what is no such URL."""
+        """A table that is not there yet. Raises ServerError for what is no such URL."""
         return cls(checked(url), f"whyhot_{token_hex(8)}")
 
 
@@ -49,11 +55,11 @@ def shown(url: str) -> str:
 
 
 def checked(url: str) -> str:
-    """`url`, where it is one of a server and holds no password. Raises LedgerError."""
+    """`url`, where it is one of a server and holds no password. Raises ServerError."""
     if not is_url(url):
-        raise LedgerError(f"{shown(url)}: is not the URL of a PostgreSQL server: give one like {EXAMPLE}")
+        raise ServerError(f"{shown(url)}: is not the URL of a PostgreSQL server: give one like {EXAMPLE}")
     if PASSWORD.search(url):
-        raise LedgerError(
+        raise ServerError(
             f"{shown(url)}: holds a password, which would be kept in store.json: take it out of the URL and put it "
             "into ~/.pgpass (or the file that PGPASSFILE names) or into PGPASSWORD"
         )
@@ -73,14 +79,14 @@ class ServerTable(LedgerPlace):
         self._table: LedgerTable | None = None
 
     def table(self) -> LedgerTable:
-        """The table over a connection. Raises LedgerError where psycopg is not installed, the server cannot be reached
+        """The table over a connection. Raises ServerError where psycopg is not installed, the server cannot be reached
         or refuses, or has no such table."""
         if self._table is None:
             try:
                 from ingest.facts.ledger_table import LedgerTable
             except ImportError:
                 what = f"{shown(self._server.url)}: the client of PostgreSQL (psycopg)"
-                raise LedgerError(not_installed(what, "uv tool install '.[postgres]'")) from None
+                raise ServerError(not_installed(what, "uv tool install '.[postgres]'")) from None
             self._table = LedgerTable(self._server.url, self._server.table, shown(self._server.url), self._create)
             self._create = False
         return self._table
@@ -111,16 +117,15 @@ class ServerTable(LedgerPlace):
     def refusal(self, error: Exception) -> LedgerError:
         says = " ".join(str(error).split())
         if isinstance(error, OperationalError | InterfaceError):
-            return ServerGoneError(
+            return ServerError(
                 f"{self.where}: the server does not answer ({says}): what was recorded before is kept; run the same "
                 "command again when it is back"
             )
-        if "does not exist" in says:
-            return LedgerError(
-                f"{self.where}: is not there any more ({says}): the ledger was moved meanwhile: run the same command "
-                "again; else restore the server's own backup"
+        if isinstance(error, ProgrammingError):
+            return ServerError(
+                f"{self.where}: is refused ({says}): the user needs the right to read and append there; where the "
+                "ledger was moved meanwhile, run the same command again"
             )
         return LedgerError(
-            f"{self.where}: cannot be read or written ({says}): the user needs the right to read and append there; "
-            "where the server is damaged, restore its own backup"
+            f"{self.where}: cannot be read or written ({says}): where the server is damaged, restore its own backup"
         )

@@ -17,7 +17,7 @@ from eventsourcing.postgres import PostgresApplicationRecorder, PostgresDatastor
 from psycopg.rows import dict_row
 from psycopg.sql import SQL, Identifier
 
-from ingest.errors import LedgerError
+from ingest.errors import ServerError
 from ingest.facts.ledger_index import Stamp
 
 CONNECT_S = 5  # for the first connection
@@ -33,42 +33,40 @@ class MovedOnError(Exception):
 class LedgerTable:
     """The table `name` of the database at `url`, which messages call `shown`; made where `create`.
 
-    Raises LedgerError where the server cannot be reached or refuses, or has no such table.
+    Raises ServerError where the server cannot be reached or refuses, or has no such table.
     """
 
     def __init__(self, url: str, name: str, shown: str, create: bool) -> None:
         self._name = name
+        self._datastore = _datastore(url)
         try:
-            with psycopg.connect(url, connect_timeout=CONNECT_S) as connection:
-                known = [str(one) for (one,) in connection.execute(TABLES)]
-        except psycopg.Error as error:
-            says = " ".join(str(error).split())
-            raise LedgerError(
-                f"{shown}: cannot be used ({says}): see that the server runs, and that address, user and database are "
-                "right; a password belongs in ~/.pgpass or PGPASSWORD"
-            ) from None
-        if name not in known and not create:
-            others = f", but the ledgers of {len(known)} others" if known else ""
-            raise LedgerError(
-                f"{shown}: holds no ledger of this store (no table {name}){others}: give store.json the URL of the "
-                "database that the ledger was moved to"
-            )
-        self._datastore = PostgresDatastore(
-            *("", "", "", "", ""),
-            connect_timeout=AGAIN_S,
-            lock_timeout=LOCK_S,
-            idle_in_transaction_session_timeout=IDLE_S,
-            originator_id_type="text",
-        )
-        # The whole URL instead of five parts: TLS, several hosts, services and password files are libpq's.
-        self._datastore.pool.conninfo, self._datastore.pool.kwargs = url, {"row_factory": dict_row}
-        try:
+            known = self._connected(url, shown)
+            if name not in known and not create:
+                others = f", but the ledgers of {len(known)} others" if known else ""
+                raise ServerError(
+                    f"{shown}: holds no ledger of this store (no table {name}){others}: give store.json the URL of the "
+                    "database that the ledger was moved to"
+                )
             self.recorder = _Recorder(self._datastore, name)
             if create:
                 self.recorder.create_table()
         except BaseException:
             self.close()
             raise
+
+    def _connected(self, url: str, shown: str) -> list[str]:
+        """The names of all ledgers there. The first connection says what is wrong, which those of the pool do not."""
+        try:
+            with psycopg.connect(url, connect_timeout=CONNECT_S) as connection:
+                known = [str(one) for (one,) in connection.execute(TABLES)]
+            self._datastore.pool.open(wait=True, timeout=CONNECT_S)
+        except psycopg.Error as error:
+            says = " ".join(str(error).split())
+            raise ServerError(
+                f"{shown}: cannot be used ({says}): see that the server runs, and that address, user and database are "
+                "right; a password belongs in ~/.pgpass or PGPASSWORD"
+            ) from None
+        return known
 
     def insert(self, rows: Sequence[StoredEvent], after: int) -> Sequence[int] | None:
         """Store `rows`, all or none, behind position `after`; None where others are there by now."""
@@ -94,6 +92,19 @@ class LedgerTable:
 
     def close(self) -> None:
         self._datastore.close()
+
+
+def _datastore(url: str) -> PostgresDatastore:
+    made = PostgresDatastore(
+        *("", "", "", "", ""),
+        connect_timeout=AGAIN_S,
+        lock_timeout=LOCK_S,
+        idle_in_transaction_session_timeout=IDLE_S,
+        originator_id_type="text",
+    )
+    # The whole URL instead of five parts: TLS, several hosts, services and password files are libpq's.
+    made.pool.conninfo, made.pool.kwargs = url, {"row_factory": dict_row}
+    return made
 
 
 TABLES = "SELECT tablename FROM pg_tables WHERE schemaname = 'public' AND tablename LIKE 'whyhot\\_%'"

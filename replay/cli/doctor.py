@@ -19,6 +19,7 @@ PACKAGES = (
     "duckdb",
     "mcap",
     "eventsourcing",
+    "psycopg",
     "cantools",
     "matplotlib",
     "rerun-sdk",

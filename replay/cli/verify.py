@@ -25,7 +25,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Answer:
-    from ingest.errors import LedgerError
+    from ingest.errors import LedgerError, ServerError
     from ingest.facts import store_check
     from ingest.facts.store import Store
 
@@ -33,6 +33,8 @@ def run(args: argparse.Namespace) -> Answer:
     try:
         with Store.open(folder) as store:
             found = store_check.check(store, args.read, since)
+    except ServerError:
+        raise
     except LedgerError as error:
         found = store_check.check_without_ledger(folder, str(error), args.read)
     head = vars(found.head) if found.head else None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import pwd
 import shutil
 import subprocess
 import sys
@@ -92,4 +91,6 @@ def _programs() -> Path | None:
 
 
 def _group() -> int:
+    import pwd  # not on Windows
+
     return pwd.getpwnam(NOBODY).pw_gid

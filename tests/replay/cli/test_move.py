@@ -66,6 +66,15 @@ def test_a_whyhot_that_knows_no_servers_refuses_a_store_on_one(capsys: Capture) 
     assert "schema 'whyhot.store/3' is not known here" in capsys.readouterr().err
 
 
+def test_without_its_server_verify_calls_nothing_damaged(capsys: Capture) -> None:
+    mark = {"schema": "whyhot.store/2", "ledger": {"url": "postgresql:///x?host=/nowhere", "table": "whyhot_1"}}
+    Path("whyhot-store", MARK).write_text(json.dumps(mark))
+    assert main(["verify"]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("postgresql:///x?host=/nowhere: ")
+    assert said.count("\n") == 1
+
+
 @pytest.mark.skipif(why_none() is not None, reason=str(why_none()))
 def test_move_says_where_the_ledger_was_and_is_and_the_head(head: str, capsys: Capture) -> None:
     with postgres() as server:
