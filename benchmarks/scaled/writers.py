@@ -21,23 +21,12 @@ from ingest.facts.store_check import damage
 from ingest.intake.intake import take_in
 from ingest.intake.setup import MotorFile, prepare
 from made.postgres import PostgresServer, postgres, why_none
+from made.tables import ONE_CHANNEL
 
 FIGURES = ("writers_s", "clients_killed", "server_killed", "writers_lost", "writers_doubled", "writers_damages")
 EQUAL = "equal_to_one_writer"
 AT_ONCE = 20  # logs that one command takes in
 RUN = 4  # logs of one run, which different writers take in
-BENCH = """
-schema = "whyhot.bench/1"
-specimen = "stator-07"
-[time]
-column = "time"
-join_gap_s = 60
-[[channel]]
-signal = "T"
-quantity = "temperature"
-unit = "degC"
-node = "winding"
-"""
 
 
 def writers(folder: Path, count: int, each: int, kills: int) -> dict[str, object]:
@@ -71,7 +60,7 @@ def writers(folder: Path, count: int, each: int, kills: int) -> dict[str, object
 
 def _logs(folder: Path, count: int) -> list[Path]:
     """Logs of 2 minutes; those of a run follow each other, and are one session."""
-    (folder / "bench.toml").write_text(BENCH)
+    (folder / "bench.toml").write_text(ONE_CHANNEL)
     logs = [folder / f"{k}.csv" for k in range(count)]
     for k, log in enumerate(logs):
         begin = 1_760_000_000 + k // RUN * 86_400 + k % RUN * 120

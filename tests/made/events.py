@@ -6,6 +6,7 @@ import hashlib
 from typing import Any
 
 from ingest.facts.events import DecodeCompleted, RawFileSealed, SessionRecorded
+from ingest.facts.store import Store
 
 
 def sha(text: str) -> str:
@@ -18,6 +19,13 @@ def raw(name: str, data: bytes = b"") -> RawFileSealed:
     return RawFileSealed(
         sha256=hashlib.sha256(data or name.encode()).hexdigest(), name=name, size=len(data), format="blf"
     )
+
+
+def put(store: Store, name: str) -> None:
+    """Seal a log that holds its own name, and record it."""
+    store.archive.seal(name.encode())
+    one = raw(name, name.encode())
+    store.ledger.append(f"file-{one.sha256}", one)
 
 
 def decode(number: str, of: str, bench: str | None = None, **more: Any) -> DecodeCompleted:

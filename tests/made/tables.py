@@ -1,4 +1,4 @@
-"""A log of rows as its columns, for the tests of formats."""
+"""A log of rows as its columns, for the tests of formats; and the bench file of one that is as small as can be."""
 
 from __future__ import annotations
 
@@ -10,6 +10,19 @@ import numpy as np
 from ingest.formats import Log, Rows, TimeSpec, open_log, recognise
 
 START_NS = 1_700_000_000_000_000_000
+# Of tables with the columns time (ISO 8601) and T; those that follow each other within a minute are one session.
+ONE_CHANNEL = """
+schema = "whyhot.bench/1"
+specimen = "stator-07"
+[time]
+column = "time"
+join_gap_s = 60
+[[channel]]
+signal = "T"
+quantity = "temperature"
+unit = "degC"
+node = "winding"
+"""
 
 
 def columns_of(name: str, path: Path, spec: TimeSpec | None = None) -> tuple[Log, dict[str, list[Any]]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -28,17 +28,12 @@ from ingest.facts.store_check import damage
 from ingest.intake import grouping
 from ingest.intake.intake import take_in
 from ingest.intake.setup import MotorFile, prepare
-from made.events import raw, session
-from made.postgres import PostgresServer, postgres, why_none
+from made.events import put, raw, session
+from made.postgres import PostgresServer, why_none
+from made.tables import ONE_CHANNEL
 
 if why := why_none():
     pytest.skip(why, allow_module_level=True)
-
-
-@pytest.fixture(scope="module")
-def server() -> Iterator[PostgresServer]:
-    with postgres() as started:
-        yield started
 
 
 @pytest.fixture
@@ -52,11 +47,6 @@ def folder(server: PostgresServer, tmp_path: Path) -> Path:
         store.ledger.append("session-0001", session("0001", "s1", start_ns=5))
     move(folder, server.url)
     return folder
-
-
-def put(store: Store, name: str) -> None:
-    sha256 = store.archive.seal(name.encode())
-    store.ledger.append(f"file-{sha256}", RawFileSealed(sha256=sha256, name=name, size=len(name), format="blf"))
 
 
 def names(folder: Path) -> list[str]:
@@ -292,26 +282,12 @@ def test_two_writers_at_once_lose_and_double_nothing(folder: Path) -> None:
     assert findings(folder) == []
 
 
-BENCH = """
-schema = "whyhot.bench/1"
-specimen = "stator-07"
-[time]
-column = "time"
-join_gap_s = 60
-[[channel]]
-signal = "T"
-quantity = "temperature"
-unit = "degC"
-node = "winding"
-"""
-
-
 def test_ingests_that_overtake_each_other_record_what_one_after_the_other_does(
     server: PostgresServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Logs of one run, each 30 s after the one before it. While 0 becomes a session another program takes in 1, which
     belongs to it; and right before 2 is recorded another one records it."""
-    (tmp_path / "bench.toml").write_text(BENCH)
+    (tmp_path / "bench.toml").write_text(ONE_CHANNEL)
     logs = [tmp_path / f"{k}.csv" for k in range(3)]
     for k, log in enumerate(logs):
         rows = [f"2026-01-01 10:{2 * k + s // 60:02}:{s % 60:02},{20 + s / 10 + k}" for s in range(0, 91, 10)]

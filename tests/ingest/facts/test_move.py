@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -15,22 +14,16 @@ from ingest.facts import ledger, ledger_lock
 from ingest.facts import move as move_module
 from ingest.facts.backup import backup, restore
 from ingest.facts.chain import Head
-from ingest.facts.events import RawFileSealed
 from ingest.facts.ledger_lock import WriterLock
 from ingest.facts.move import HERE, move
 from ingest.facts.store import MARK, Store, server_of
 from ingest.facts.store_check import damage
+from made.events import put
 from made.forged import change
-from made.postgres import PostgresServer, postgres, why_none
+from made.postgres import PostgresServer, why_none
 
 if why := why_none():
     pytest.skip(why, allow_module_level=True)
-
-
-@pytest.fixture(scope="module")
-def server() -> Iterator[PostgresServer]:
-    with postgres() as started:
-        yield started
 
 
 @pytest.fixture
@@ -41,11 +34,6 @@ def folder(tmp_path: Path) -> Path:
     with Store.open(folder, write=True) as store:
         put(store, "b")
     return folder
-
-
-def put(store: Store, name: str) -> None:
-    sha256 = store.archive.seal(name.encode())
-    store.ledger.append(f"file-{sha256}", RawFileSealed(sha256=sha256, name=name, size=len(name), format="blf"))
 
 
 def state(folder: Path) -> tuple[list[str], Head]:
