@@ -1,6 +1,6 @@
 """Errors of the facts layer: one class a condition; the message is one line with what, where, why and what to do."""
 
-WITH_EXTRAS = "uv tool install '.[view,tdms,xlsx]'"
+WITH_EXTRAS = "uv tool install '.[view,notebooks,tdms,xlsx]'"
 
 
 class IngestError(Exception):

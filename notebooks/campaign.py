@@ -1,6 +1,6 @@
 """A campaign at a glance: what was recorded, how good it is, and what got hot, in SQL.
 
-marimo edit notebooks/campaign.py -- --store DIR
+whyhot notebook campaign --store DIR
 python notebooks/campaign.py --store DIR        prints the answer alone
 """
 # ruff: noqa: PLR1711 (marimo writes `return` at the end of every cell)
@@ -8,43 +8,19 @@ python notebooks/campaign.py --store DIR        prints the answer alone
 import marimo
 
 __generated_with = "0.25.2"
-app = marimo.App(width="medium", app_title="A campaign at a glance", sql_output="native")
+app = marimo.App(width="medium", app_title="A campaign at a glance")
 
 
 @app.cell
 def _():
-    import os
-    import sys
-
     import altair as alt
     import marimo as mo
 
-    from analytics import warehouse
-    from analytics.errors import AnalyticsError
-    from ingest.errors import IngestError
+    from replay.show.notebooks import cells
     from replay.show.words import words
     from replay.show.words.palette import COLOURS, DASHES, INK
 
-    def tabled(table):
-        """A table without summaries, numbers to five digits."""
-        numbers = [field.name for field in table.schema if str(field.type) == "double"]
-        formats = dict.fromkeys(numbers, "{:,.5g}")
-        return mo.ui.table(table, selection=None, show_column_summaries=False, format_mapping=formats)
-
-    return (
-        AnalyticsError,
-        COLOURS,
-        DASHES,
-        INK,
-        IngestError,
-        alt,
-        mo,
-        os,
-        sys,
-        tabled,
-        warehouse,
-        words,
-    )
+    return COLOURS, DASHES, INK, alt, cells, mo, words
 
 
 @app.cell
@@ -59,37 +35,27 @@ def _(mo):
 
 
 @app.cell
-def _(AnalyticsError, IngestError, mo, os, sys, warehouse):
-    folder = str(mo.cli_args().get("store") or os.environ.get("WHYHOT_STORE") or "whyhot-store")
-    try:
-        store, no_store = warehouse.connect(folder), ""
-    except (IngestError, AnalyticsError) as error:
-        store, no_store = None, str(error)
-        if mo.app_meta().mode == "script":
-            print(no_store, file=sys.stderr)
-            sys.exit(2)
-    mo.stop(store is None, mo.callout(no_store, kind="danger"))
+def _(cells):
+    _, store = cells.connected()
     return (store,)
 
 
 @app.cell
-def _(mo, store):
-    session_rows = mo.sql(
+def _(store):
+    session_rows = store.sql(
         """
         SELECT
             specimen, name, kind, batch, start, round(duration_s / 60, 1) AS minutes, files, channels, quarantined, kind_why,
             session
         FROM sessions
-        """,
-        output=False,
-        engine=store,
+        """
     )
     return (session_rows,)
 
 
 @app.cell
-def _(mo, store):
-    record_rows = mo.sql(
+def _(store):
+    record_rows = store.sql(
         """
         SELECT
             count(*) AS files,
@@ -100,32 +66,28 @@ def _(mo, store):
             coalesce(sum(rejected), 0)::BIGINT AS rejected,
             count(*) FILTER (WHERE outcome <> 'decoded') AS not_whole
         FROM files
-        """,
-        output=False,
-        engine=store,
+        """
     )
     return (record_rows,)
 
 
 @app.cell
-def _(mo, store):
-    flag_rows = mo.sql(
+def _(store):
+    flag_rows = store.sql(
         """
         SELECT s.specimen, s.name AS session_name, e.payload->'detail'->>'channel' AS channel, e.payload->>'says' AS what
         FROM events AS e
         JOIN sessions AS s ON e.stream = concat('session-', s.session)
         WHERE e.topic = 'whyhot:QualityFlagged'
         ORDER BY e.position
-        """,
-        output=False,
-        engine=store,
+        """
     )
     return (flag_rows,)
 
 
 @app.cell
-def _(mo, store):
-    heat_rows = mo.sql(
+def _(store):
+    heat_rows = store.sql(
         """
         SELECT
             concat_ws(' ', s.specimen, s.name) AS test,
@@ -141,15 +103,13 @@ def _(mo, store):
         WHERE v.quantity = 'temperature'
         GROUP BY s.specimen, s.name, s.start_ns, v.session, place, v.region
         ORDER BY s.start_ns, s.name, place
-        """,
-        output=False,
-        engine=store,
+        """
     )
     return (heat_rows,)
 
 
 @app.cell
-def _(flag_rows, heat_rows, mo, record_rows, session_rows, words):
+def _(cells, flag_rows, heat_rows, record_rows, session_rows, words):
     sessions = session_rows.to_arrow_table()
     (records,) = record_rows.to_arrow_table().to_pylist()
     flags = flag_rows.to_arrow_table()
@@ -179,55 +139,54 @@ def _(flag_rows, heat_rows, mo, record_rows, session_rows, words):
         )
     if not sessions.num_rows:
         answer = ["No session in this store yet: whyhot ingest FILE... --bench BENCH.toml takes logs in."]
-    if mo.app_meta().mode == "script":
-        print("\n".join(answer))
-    mo.md("## Answer\n\n" + "\n".join(f"- {line}" for line in answer))
+    cells.answered(answer)
     return flags, heats, sessions
 
 
 @app.cell
-def _(flags, mo, sessions, tabled):
+def _(cells, flags, mo, sessions):
     mo.vstack(
         [
             mo.md("## Sessions"),
-            tabled(sessions),
+            cells.tabled(sessions, "session"),
             mo.md("## What is wrong with the data"),
-            tabled(flags) if flags.num_rows else mo.md("Nothing was found."),
+            cells.tabled(flags) if flags.num_rows else mo.md("Nothing was found."),
         ]
     )
     return
 
 
 @app.cell
-def _(COLOURS, INK, alt, heats, mo):
+def _(COLOURS, INK, alt, cells, heats, mo):
     how_hot = alt.Chart(heats, title="How hot each place became [°C]")
     place = alt.Y("place:N", title=None, sort=alt.EncodingSortField("highest_degC", op="max", order="descending"))
     test = alt.X("test:N", title=None, sort=None, axis=alt.Axis(labelAngle=-45))
-    map_of_heat = how_hot.mark_rect().encode(
-        test,
-        place,
-        alt.Color("highest_degC:Q", title="°C", scale=alt.Scale(range=["#ffffff", COLOURS[1]], interpolate="rgb")),
-        tooltip=["test", "place", "channel", "region", "highest_degC", "rise_K", "at_s"],
-    ) + how_hot.mark_text(color=INK[0], fontSize=10).encode(test, place, alt.Text("highest_degC:Q", format=".0f"))
-    mo.vstack(
-        [mo.md("## What got hot"), mo.ui.altair_chart(map_of_heat, chart_selection=False, legend_selection=False)]
-    ) if heats.num_rows else None
+    map_of_heat = (
+        how_hot.mark_rect().encode(
+            test,
+            place,
+            alt.Color("highest_degC:Q", title="°C", scale=alt.Scale(range=["#ffffff", COLOURS[1]], interpolate="rgb")),
+            tooltip=["test", "place", "channel", "region", "highest_degC", "rise_K", "at_s"],
+        )
+        + how_hot.mark_text(color=INK[0], fontSize=10).encode(test, place, alt.Text("highest_degC:Q", format=".0f"))
+    ).properties(width=cells.WIDE)
+    mo.vstack([mo.md("## What got hot"), cells.drawn(map_of_heat)]) if heats.num_rows else None
     return (map_of_heat,)
 
 
 @app.cell
-def _(mo, sessions):
+def _(cells, mo, sessions):
     names = {
         f"{row['specimen'] or ''} {row['name']} ({row['kind']})".strip(): row["session"] for row in sessions.to_pylist()
     }
-    picked = mo.ui.dropdown(names, value=next(iter(names), None), label="Session")
-    mo.vstack([mo.md("## One session over time"), picked]) if names else None
+    picked = cells.choice(names)
+    mo.vstack([mo.md("## One session over time"), cells.offered({"Session": picked})]) if names else None
     return (picked,)
 
 
 @app.cell
-def _(mo, picked, store):
-    course_rows = mo.sql(
+def _(picked, store):
+    course_rows = store.sql(
         f"""
         WITH chosen AS (
             SELECT session, greatest(duration_s / 200, 1) AS step_s FROM sessions WHERE session = '{picked.value}'
@@ -242,15 +201,13 @@ def _(mo, picked, store):
         WHERE v.session = '{picked.value}' AND v.quantity = 'temperature'
         GROUP BY ALL
         ORDER BY v.channel, minute
-        """,
-        output=False,
-        engine=store,
+        """
     )
     return (course_rows,)
 
 
 @app.cell
-def _(COLOURS, DASHES, alt, course_rows, mo):
+def _(COLOURS, DASHES, alt, cells, course_rows):
     courses = course_rows.to_arrow_table()
     clicked = alt.selection_point(fields=["channel"], bind="legend")
     order = list(dict.fromkeys(courses["channel"].to_pylist()))
@@ -269,10 +226,10 @@ def _(COLOURS, DASHES, alt, course_rows, mo):
             opacity=alt.condition(clicked, alt.value(1.0), alt.value(0.1)),
             tooltip=["channel", "place", "minute", "degC"],
         )
-        .properties(width=560, height=300)
+        .properties(width=cells.WIDE, height=300)
         .add_params(clicked)
     )
-    mo.ui.altair_chart(over_time, chart_selection=False, legend_selection=False) if courses.num_rows else None
+    cells.drawn(over_time) if courses.num_rows else None
     return (over_time,)
 
 

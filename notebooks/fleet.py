@@ -1,6 +1,6 @@
 """The health of a fleet's insulation: slopes with bands, who is not as the others, and what life is left, in SQL.
 
-marimo edit notebooks/fleet.py -- --store DIR
+whyhot notebook fleet --store DIR
 python notebooks/fleet.py --store DIR        prints the answer alone
 """
 # ruff: noqa: PLR1711 (marimo writes `return` at the end of every cell)
@@ -8,45 +8,20 @@ python notebooks/fleet.py --store DIR        prints the answer alone
 import marimo
 
 __generated_with = "0.25.2"
-app = marimo.App(width="medium", app_title="Fleet health", sql_output="native")
+app = marimo.App(width="medium", app_title="Fleet health")
 
 
 @app.cell
 def _():
-    import os
-    import sys
-
     import altair as alt
     import marimo as mo
     import pyarrow.compute as pc
 
-    from analytics import warehouse
-    from analytics.errors import AnalyticsError
-    from ingest.errors import IngestError
+    from replay.show.notebooks import cells
     from replay.show.words import words
     from replay.show.words.palette import COLOURS, INK, SOFT
 
-    def tabled(table):
-        """A table without summaries, numbers to five digits."""
-        numbers = [field.name for field in table.schema if str(field.type) == "double"]
-        formats = dict.fromkeys(numbers, "{:,.5g}")
-        return mo.ui.table(table, selection=None, show_column_summaries=False, format_mapping=formats)
-
-    return (
-        AnalyticsError,
-        COLOURS,
-        INK,
-        IngestError,
-        SOFT,
-        alt,
-        mo,
-        os,
-        pc,
-        sys,
-        tabled,
-        warehouse,
-        words,
-    )
+    return COLOURS, INK, SOFT, alt, cells, mo, pc, words
 
 
 @app.cell
@@ -61,22 +36,14 @@ def _(mo):
 
 
 @app.cell
-def _(AnalyticsError, IngestError, mo, os, sys, warehouse):
-    folder = str(mo.cli_args().get("store") or os.environ.get("WHYHOT_STORE") or "whyhot-store")
-    try:
-        store, no_store = warehouse.connect(folder), ""
-    except (IngestError, AnalyticsError) as error:
-        store, no_store = None, str(error)
-        if mo.app_meta().mode == "script":
-            print(no_store, file=sys.stderr)
-            sys.exit(2)
-    mo.stop(store is None, mo.callout(no_store, kind="danger"))
+def _(cells):
+    folder, store = cells.connected()
     return folder, store
 
 
 @app.cell
-def _(mo, store):
-    motor_rows = mo.sql(
+def _(store):
+    motor_rows = store.sql(
         """
         SELECT
             f.specimen,
@@ -104,29 +71,25 @@ def _(mo, store):
         LEFT JOIN batches AS b ON b.batch = f.batch
         LEFT JOIN life_used AS l ON l.specimen = f.specimen
         ORDER BY f.outlying DESC, batch_outlying DESC, f.score DESC NULLS LAST, f.specimen
-        """,
-        output=False,
-        engine=store,
+        """
     )
     return (motor_rows,)
 
 
 @app.cell
-def _(mo, store):
-    batch_rows = mo.sql(
+def _(store):
+    batch_rows = store.sql(
         """
         SELECT batch, specimens, slope_percent_per_100h, score, outlying
         FROM batches
         ORDER BY score DESC NULLS LAST, batch
-        """,
-        output=False,
-        engine=store,
+        """
     )
     return (batch_rows,)
 
 
 @app.cell
-def _(batch_rows, folder, mo, motor_rows, words):
+def _(batch_rows, cells, folder, motor_rows, words):
     motors, batches = motor_rows.to_arrow_table(), batch_rows.to_arrow_table()
     rows = motors.to_pylist()
 
@@ -158,29 +121,25 @@ def _(batch_rows, folder, mo, motor_rows, words):
     ]
     if not rows:
         answer = [f"No assessment of insulation in this store yet: whyhot ageing --store {folder} makes one."]
-    if mo.app_meta().mode == "script":
-        print("\n".join(answer))
-    mo.md("## Answer\n\n" + "\n".join(f"- {line}" for line in answer))
+    cells.answered(answer)
     return batches, motors
 
 
 @app.cell
-def _(mo, store):
-    check_rows = mo.sql(
+def _(store):
+    check_rows = store.sql(
         """
         SELECT c.specimen, coalesce(c.batch, 'no batch') AS batch, c.dose_h, 1e4 / c.conductivity_percent AS percent
         FROM conductivity_by_cycle AS c
         WHERE c.dose_h IS NOT NULL AND c.conductivity_percent IS NOT NULL
         ORDER BY c.specimen, c.dose_h
-        """,
-        output=False,
-        engine=store,
+        """
     )
     return (check_rows,)
 
 
 @app.cell
-def _(COLOURS, INK, SOFT, alt, check_rows, mo, motors, pc):
+def _(COLOURS, INK, SOFT, alt, cells, check_rows, motors, pc):
     shown = motors.slice(0, 40)
     checks = check_rows.to_arrow_table()
     checks = checks.filter(pc.is_in(checks["specimen"], value_set=shown["specimen"]))
@@ -216,7 +175,7 @@ def _(COLOURS, INK, SOFT, alt, check_rows, mo, motors, pc):
             tooltip=tips,
         ).add_params(clicked),
         title=f"{len(order)} of {motors.num_rows}, those that stand out first; click one",
-    ).properties(width=270, height={"step": 12})  # fmt: skip
+    ).properties(width=0.45 * cells.WIDE, height={"step": 12})  # fmt: skip
     lines = alt.Chart(checks).encode(
         alt.X("dose_h:Q", title="hours above 180 °C"),
         alt.Y("percent:Q", title="R, % of the first", scale=alt.Scale(zero=False)),
@@ -226,14 +185,14 @@ def _(COLOURS, INK, SOFT, alt, check_rows, mo, motors, pc):
         lines.mark_line(color=SOFT[0], opacity=0.25, strokeWidth=0.8),
         lines.mark_line(color=COLOURS[1], point=alt.OverlayMarkDef(color=COLOURS[1])).transform_filter(clicked),
         title="R over the dose, the clicked one in colour",
-    ).properties(width=270, height=320)  # fmt: skip
+    ).properties(width=0.45 * cells.WIDE, height=320)  # fmt: skip
     chart = slopes | courses
-    mo.ui.altair_chart(chart, chart_selection=False, legend_selection=False) if motors.num_rows else None
+    cells.drawn(chart) if motors.num_rows else None
     return (chart,)
 
 
 @app.cell
-def _(COLOURS, INK, alt, batches, mo):
+def _(COLOURS, INK, alt, batches, cells):
     per_batch = (
         alt.Chart(batches, title="Batches: mean change of R, % per 100 h of dose")
         .mark_bar()
@@ -241,19 +200,22 @@ def _(COLOURS, INK, alt, batches, mo):
             alt.X("slope_percent_per_100h:Q", title="% per 100 h"),
             alt.Y("batch:N", title=None, sort=batches["batch"].to_pylist()),
             alt.Color(
-                "outlying:N", title="stands out", scale=alt.Scale(domain=[True, False], range=[COLOURS[1], COLOURS[0]])
+                "outlying:N",
+                title="stands out",
+                scale=alt.Scale(domain=[True, False], range=[COLOURS[1], COLOURS[0]]),
+                legend=alt.Legend(labelExpr="datum.value ? 'yes' : 'no'"),
             ),
             stroke=alt.condition("datum.outlying", alt.value(INK[0]), alt.value(None)),
             tooltip=["batch", "specimens", "slope_percent_per_100h", "score", "outlying"],
         )
-        .properties(width=560)
+        .properties(width=cells.WIDE)
     )
-    mo.ui.altair_chart(per_batch, chart_selection=False, legend_selection=False) if batches.num_rows > 1 else None
+    cells.drawn(per_batch) if batches.num_rows > 1 else None
     return (per_batch,)
 
 
 @app.cell
-def _(COLOURS, SOFT, alt, mo, motors):
+def _(COLOURS, SOFT, alt, cells, mo, motors):
     left = motors.filter(motors["remaining_low_h"].is_valid()).sort_by("remaining_low_h").slice(0, 40)
     remaining = (
         alt.Chart(left, title="Dose that is left until the criterion, the shortest first, 90 %; an arrow has no upper end")
@@ -268,8 +230,8 @@ def _(COLOURS, SOFT, alt, mo, motors):
         .encode(alt.X("end:Q"))
         .transform_filter("datum.open")
     )
-    how_long = (bars + arrows).properties(width=560, height={"step": 12})
-    mo.ui.altair_chart(how_long, chart_selection=False, legend_selection=False) if left.num_rows else mo.md(
+    how_long = (bars + arrows).properties(width=cells.WIDE, height={"step": 12})
+    cells.drawn(how_long) if left.num_rows else mo.md(
         "What life is left is not told: no specimen's course reaches the criterion within what its checks allow."
         if motors.num_rows
         else ""
@@ -278,8 +240,8 @@ def _(COLOURS, SOFT, alt, mo, motors):
 
 
 @app.cell
-def _(mo, motors, tabled):
-    mo.vstack([mo.md("## Every motor"), tabled(motors)]) if motors.num_rows else None
+def _(cells, mo, motors):
+    mo.vstack([mo.md("## Every motor"), cells.tabled(motors)]) if motors.num_rows else None
     return
 
 
@@ -288,8 +250,8 @@ def _(mo):
     mo.md(r"""
     ## What these numbers cannot tell
 
-    - A motor with two or three checks has a slope of its own that is mostly chance: its band says so, and `fleet_slope_percent_per_100h`
-      is what it and the fleet say together.
+    - A motor with two or three checks has a slope of its own that is mostly chance: its band says so, and the slope with
+      the fleet's is what it and the fleet say together.
     - That nothing stands out does not mean that nothing is wrong: all may age alike.
     - A motor that stands out is not ill by that; look at its checks, and whether its sensor was exchanged, first.
     """)

@@ -1,6 +1,6 @@
 """The insulation of one stator across its oven cycles, as the latest `whyhot ageing` has it, in SQL.
 
-marimo edit notebooks/insulation.py -- --store DIR
+whyhot notebook insulation --store DIR
 python notebooks/insulation.py --store DIR        prints the answer alone
 """
 # ruff: noqa: PLR1711 (marimo writes `return` at the end of every cell)
@@ -8,41 +8,18 @@ python notebooks/insulation.py --store DIR        prints the answer alone
 import marimo
 
 __generated_with = "0.25.2"
-app = marimo.App(width="medium", app_title="Insulation of one stator", sql_output="native")
+app = marimo.App(width="medium", app_title="Insulation of one stator")
 
 
 @app.cell
 def _():
-    import os
-    import sys
-
     import altair as alt
     import marimo as mo
 
-    from analytics import warehouse
-    from analytics.errors import AnalyticsError
-    from ingest.errors import IngestError
+    from replay.show.notebooks import cells
     from replay.show.words.palette import COLOURS, INK, SOFT
 
-    def tabled(table):
-        """A table without summaries, numbers to five digits."""
-        numbers = [field.name for field in table.schema if str(field.type) == "double"]
-        formats = dict.fromkeys(numbers, "{:,.5g}")
-        return mo.ui.table(table, selection=None, show_column_summaries=False, format_mapping=formats)
-
-    return (
-        AnalyticsError,
-        COLOURS,
-        INK,
-        IngestError,
-        SOFT,
-        alt,
-        mo,
-        os,
-        sys,
-        tabled,
-        warehouse,
-    )
+    return COLOURS, INK, SOFT, alt, cells, mo
 
 
 @app.cell
@@ -59,22 +36,14 @@ def _(mo):
 
 
 @app.cell
-def _(AnalyticsError, IngestError, mo, os, sys, warehouse):
-    folder = str(mo.cli_args().get("store") or os.environ.get("WHYHOT_STORE") or "whyhot-store")
-    try:
-        store, no_store = warehouse.connect(folder), ""
-    except (IngestError, AnalyticsError) as error:
-        store, no_store = None, str(error)
-        if mo.app_meta().mode == "script":
-            print(no_store, file=sys.stderr)
-            sys.exit(2)
-    mo.stop(store is None, mo.callout(no_store, kind="danger"))
+def _(cells):
+    folder, store = cells.connected()
     return folder, store
 
 
 @app.cell
-def _(mo, store):
-    course_rows = mo.sql(
+def _(store):
+    course_rows = store.sql(
         """
         SELECT
             f.specimen, f.batch, f.checks, f.form, f.form_probability, f.significant, p.change_at_dose_h,
@@ -89,15 +58,13 @@ def _(mo, store):
             GROUP BY specimen
         ) AS c ON c.specimen = f.specimen
         ORDER BY f.specimen
-        """,
-        output=False,
-        engine=store,
+        """
     )
     return (course_rows,)
 
 
 @app.cell
-def _(course_rows, folder, mo):
+def _(cells, course_rows, folder):
     courses = course_rows.to_arrow_table().to_pylist()
     forms = {
         "dip_then_rise": "R falls first, then rises",
@@ -121,24 +88,22 @@ def _(course_rows, folder, mo):
     answer = [f"{row['specimen']}: {said(row)}" for row in courses] or [
         f"No assessment of insulation in this store yet: whyhot ageing --store {folder} makes one."
     ]
-    if mo.app_meta().mode == "script":
-        print("\n".join(answer))
-    mo.md("## Answer\n\n" + "\n".join(f"- {line}" for line in answer))
+    cells.answered(answer)
     return (courses,)
 
 
 @app.cell
-def _(courses, mo):
+def _(cells, courses):
     names = [row["specimen"] for row in courses]
     first = next((row["specimen"] for row in courses if row["significant"]), names[0] if names else None)
-    picked = mo.ui.dropdown(names, value=first, label="Stator", searchable=True)
-    mo.vstack([picked]) if names else None
+    picked = cells.choice(names, first)
+    cells.offered({"Stator": picked}) if names else None
     return (picked,)
 
 
 @app.cell
-def _(mo, picked, store):
-    check_rows = mo.sql(
+def _(picked, store):
+    check_rows = store.sql(
         f"""
         SELECT
             c.number,
@@ -161,15 +126,13 @@ def _(mo, picked, store):
         FROM conductivity_by_cycle AS c
         WHERE c.specimen = '{str(picked.value).replace("'", "''")}'
         ORDER BY c.number
-        """,
-        output=False,
-        engine=store,
+        """
     )
     return (check_rows,)
 
 
 @app.cell
-def _(COLOURS, INK, SOFT, alt, check_rows, courses, mo, picked):
+def _(COLOURS, INK, SOFT, alt, cells, check_rows, courses, picked):
     checks = check_rows.to_arrow_table()
     course = next((row for row in courses if row["specimen"] == picked.value), None)
     of_dose = alt.X("dose_h:Q", title="hours above 180 °C")
@@ -187,37 +150,37 @@ def _(COLOURS, INK, SOFT, alt, check_rows, courses, mo, picked):
         turn = alt.Chart(alt.Data(values=[{"dose_h": course["change_at_dose_h"]}]))
         layers.append(turn.mark_rule(color=COLOURS[1], strokeDash=[5, 3]).encode(x="dose_h:Q"))
     title = f"{picked.value}: R over the dose; bars: two standard deviations, repeatability included"
-    resistance = alt.layer(*layers, title=title).properties(width=620, height=280)
+    resistance = alt.layer(*layers, title=title).properties(width=cells.WIDE, height=280)
     hottest = (
         alt.Chart(checks, title="Its hottest sensor, which follows the room and a darker surface too")
         .mark_line(color=SOFT[0], strokeDash=[4, 2], point=alt.OverlayMarkDef(color=SOFT[0], size=30))
         .encode(of_dose, alt.Y("hottest_degC:Q", title="°C", scale=alt.Scale(zero=False)), tooltip=tips)
-        .properties(width=620, height=140)
+        .properties(width=cells.WIDE, height=140)
     )
     chart = resistance & hottest
-    mo.ui.altair_chart(chart, chart_selection=False, legend_selection=False) if checks.num_rows else None
+    cells.drawn(chart) if checks.num_rows else None
     return chart, checks
 
 
 @app.cell
-def _(checks, mo, tabled):
+def _(cells, checks, mo):
     mo.vstack(
         [
             mo.md("""
             ## Each check
 
-            R is null where a check cannot tell it, and `why` says why; it is never filled in. `source` is what R was taken from, in order
+            R is empty where a check cannot tell it, and the table says why; it is never filled in. Its source is what R was taken from, in order
             of trust: an iron sensor; the first minutes of heating and cooling; the air around, with the surface's emissivity left free.
             """),
-            tabled(checks),
+            cells.tabled(checks),
         ]
     ) if checks.num_rows else None
     return
 
 
 @app.cell
-def _(mo, picked, store):
-    oven_rows = mo.sql(
+def _(picked, store):
+    oven_rows = store.sql(
         f"""
         SELECT
             number, session_name, soak_start, soak_degC, highest_degC, heating_h, soak_h, cooling_h, hours_above_180degC,
@@ -225,36 +188,34 @@ def _(mo, picked, store):
         FROM oven_cycles
         WHERE specimen = '{str(picked.value).replace("'", "''")}'
         ORDER BY number
-        """,
-        output=False,
-        engine=store,
+        """
     )
     return (oven_rows,)
 
 
 @app.cell
-def _(mo, oven_rows, tabled):
+def _(cells, mo, oven_rows):
     cycles = oven_rows.to_arrow_table()
-    activation = mo.ui.slider(0.6, 1.4, 0.05, value=1.0, label="activation energy [eV]", show_value=True)
+    activation = mo.ui.slider(0.6, 1.4, 0.05, value=1.0, show_value=True)
     mo.vstack(
         [
             mo.md("""
             ## In the oven
 
             Each thermal cycle, cut from the temperature itself. An hour at 230 °C uses up far more of the insulation's life than one at
-            181 °C: what a dose is worth at 180 °C depends on a rule, and nothing in a campaign at one temperature says which. Move the
-            slider.
+            181 °C: what a dose is worth at 180 °C depends on a rule, and nothing in a campaign at one temperature says which. Move it
+            below.
             """),
-            tabled(cycles),
-            activation,
+            cells.tabled(cycles),
+            cells.offered({"Activation energy [eV]": activation}),
         ]
     ) if cycles.num_rows else None
     return activation, cycles
 
 
 @app.cell
-def _(activation, mo, picked, store):
-    worth_rows = mo.sql(
+def _(activation, picked, store):
+    worth_rows = store.sql(
         f"""
         SELECT
             sum(hours_above_180degC) AS dose_h,
@@ -262,9 +223,7 @@ def _(activation, mo, picked, store):
             sum(equivalent_hours_10K(soak_degC, hours_above_180degC, 180)) AS by_10K_h
         FROM oven_cycles
         WHERE specimen = '{str(picked.value).replace("'", "''")}'
-        """,
-        output=False,
-        engine=store,
+        """
     )
     return (worth_rows,)
 
@@ -282,24 +241,22 @@ def _(activation, mo, worth_rows):
 
 
 @app.cell
-def _(mo, picked, store):
-    finding_rows = mo.sql(
+def _(picked, store):
+    finding_rows = store.sql(
         f"""
         SELECT i.happened, i.finding, i.name, i.session_name
         FROM inspections AS i
         WHERE i.specimen = '{str(picked.value).replace("'", "''")}'
         ORDER BY i.happened
-        """,
-        output=False,
-        engine=store,
+        """
     )
     return (finding_rows,)
 
 
 @app.cell
-def _(finding_rows, mo, tabled):
+def _(cells, finding_rows, mo):
     findings = finding_rows.to_arrow_table()
-    mo.vstack([mo.md("## What was seen"), tabled(findings)]) if findings.num_rows else None
+    mo.vstack([mo.md("## What was seen"), cells.tabled(findings)]) if findings.num_rows else None
     return
 
 
@@ -314,7 +271,7 @@ def _(mo):
       the insulation does.
     - **Strength.** R is thermal. Whether the insulation still holds voltage is what the electrical check says; resin may darken, crack
       or lose strength while R stays.
-    - **Life.** Nor does a course at one temperature say what happens at another: see the slider.
+    - **Life.** Nor does a course at one temperature say what happens at another: see the activation energy above.
     - **Cause.** A steady rise with dose is what ageing looks like; a clamp that relaxes with the cycles looks the same.
     - **Others.** One stator says nothing of how much stators differ.
     """)

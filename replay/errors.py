@@ -25,5 +25,9 @@ class ViewerError(ReplayError):
     """The rerun viewer or SDK is not installed, or did not start."""
 
 
+class NotebookError(ReplayError):
+    """A notebook that is not there, that cannot be written as asked, or that marimo does not open."""
+
+
 class ExportError(ReplayError):
     """A session or file that cannot be written out as asked, or would go over a file that is there."""

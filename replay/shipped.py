@@ -1,4 +1,4 @@
-"""Examples that come with the program: in a checkout its `examples` folder, in an installed wheel a copy of it."""
+"""Examples and notebooks that come with the program: in a checkout its own folders, in an installed wheel copies."""
 
 from __future__ import annotations
 
@@ -11,7 +11,12 @@ PACKAGE = Path(__file__).parent
 
 def example(name: str) -> Path:
     """The folder of a shipped example. Raises ReplayDataError where the installation lacks it."""
-    for folder in (PACKAGE.parent / "examples" / name, PACKAGE / "examples" / name):
+    return shipped(f"examples/{name}")
+
+
+def shipped(place: str) -> Path:
+    """A folder of what is shipped. Raises ReplayDataError where the installation lacks it."""
+    for folder in (PACKAGE.parent / place, PACKAGE / place):
         if folder.is_dir():
             return folder
-    raise ReplayDataError(f'example "{name}" did not come with this installation: install whyhot again.')
+    raise ReplayDataError(f"{place} did not come with this installation: install whyhot again.")

@@ -154,6 +154,7 @@ FOR_OTHERS = {
     "twin.filters.ukf": "for Python: docs/filters.md",
     "analytics.insulation.life.destructive": "for Python: docs/life.md",
     "analytics.reference": "writes docs/sql.md",
+    "replay.show.notebooks.cells": "what the notebooks show",
 }
 
 

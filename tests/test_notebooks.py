@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import ast
 import csv
 import gzip
 import importlib.util
 import json
 import os
+import re
 import runpy
+import shutil
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -17,16 +20,22 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ingest.errors import not_installed
+from ingest.facts import facts
+from ingest.facts.events import ModelExtended, ModelPublished
+from ingest.facts.store import Store
 from made.ageing_campaign import Campaign, ageing_campaign
 from made.places import ROOT
 from plant import drives, fleet, insulation_campaign, placement, points
 from plant.bare_stator import Rig
 from plant.timeline import Plan
 from replay.cli import main
+from replay.engine.files.motor_maps import whole
+from replay.show.notebooks import cells, shelf
 
 NOTEBOOKS, MOTOR = ROOT / "notebooks", ROOT / "examples" / "hust_motor"
 PAPER = NOTEBOOKS / "paper.py"
-OF_A_STORE = ("campaign", "fleet", "insulation", "twin")
+OF_A_STORE = ("campaign", "fleet", "insulation", "models")
 SHARE_PER_100H = -1.0  # of the conductance from winding to teeth, where ageing is hidden
 SPECIMENS = {"aged-1": SHARE_PER_100H, "healthy-3": 0.0}
 
@@ -254,7 +263,7 @@ def test_a_fleet_without_a_batch_has_none_that_stands_out(aged: Aged) -> None:
 
 
 def test_the_twins_errors_are_those_of_its_runs(replayed: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    found = told(replayed, "twin")
+    found = told(replayed, "models")
     runs = {row["run"]: row for row in ask(replayed, "SELECT * FROM runs", capsys)}
     assert len(runs) == 2
     errors = {(row["run"], row["node"]): row["mae_K"] for row in found["by_node"]}
@@ -263,6 +272,7 @@ def test_the_twins_errors_are_those_of_its_runs(replayed: Path, capsys: pytest.C
         for node, mae in summary["mae_K"].items():
             assert errors[run, node] == pytest.approx(mae, rel=1e-3)
     (version,) = found["versions"]
+    assert version == "hust-ipmsm, as published"
     mean = sum(row["mae_K"] for row in runs.values()) / 2
     assert found["answer"][0] == f"model {version}: {mean:.1f} K mean absolute error over 2 sessions"
     worst = max(found["by_node"], key=lambda row: row["mae_K"])
@@ -270,14 +280,34 @@ def test_the_twins_errors_are_those_of_its_runs(replayed: Path, capsys: pytest.C
     assert f"{worst['node']} in {worst['session_name']}" in found["answer"][1]
 
 
+def test_models_are_called_by_their_role(replayed: Path, tmp_path: Path) -> None:
+    """Two more models of the motor, known as a diagnosis leaves them."""
+    folder = shutil.copytree(replayed, tmp_path / "store")
+    text = (MOTOR / "motor.toml").read_text(encoding="utf-8")
+    with Store.open(folder, write=True) as store:
+        (first,) = facts.at(store.ledger).models
+        for name in ("recalibrated", "extended"):
+            (tmp_path / f"{name}.toml").write_text(f"# {name}\n{text}", encoding="utf-8")
+            model = store.archive.seal(whole(tmp_path / f"{name}.toml"))
+            published = ModelPublished(model=model, motor="hust-ipmsm", file="motor.toml", parent=first)
+            store.ledger.append("motor-hust-ipmsm", published)
+        extended = ModelExtended(diagnosis="d", parent=first, model=model, parent_bench=None, bench=None)
+        store.ledger.append("diagnosis-d", extended)
+    for name in ("recalibrated", "extended"):
+        assert main(["replay", "id_1", "--model", str(tmp_path / f"{name}.toml"), "--store", str(folder)]) == 0
+    found = told(folder, "models")
+    assert found["versions"] == ["hust-ipmsm, extended", "hust-ipmsm, recalibrated", "hust-ipmsm, as published"]
+    assert first[:8] not in " ".join(found["answer"])
+
+
 def test_the_map_over_speed_and_current_holds_every_step_of_the_node(
     replayed: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    found = told(replayed, "twin")
+    found = told(replayed, "models")
     node = found["picked_node"].value
     where = f"FROM residuals WHERE used AND node = '{node}'"
     (whole,) = ask(replayed, f"SELECT count(*) AS steps, avg(residual_K) AS bias_K {where}", capsys)
-    cells = found["cells"].to_pylist()
+    cells = found["operating"].to_pylist()
     assert len(cells) > 3
     assert sum(cell["steps"] for cell in cells) == whole["steps"]
     bias = sum(cell["steps"] * cell["bias_K"] for cell in cells) / whole["steps"]
@@ -291,7 +321,7 @@ def test_pictures_hold_their_data_and_fetch_nothing(
         "campaign": (replayed, ("map_of_heat", "over_time")),
         "insulation": (aged.store, ("chart",)),
         "fleet": (motors[0], ("chart", "per_batch")),
-        "twin": (replayed, ("error_map", "speed_current", "over_time")),
+        "models": (replayed, ("error_map", "speed_current", "over_time")),
     }
     for notebook, (store, names) in pictures.items():
         found = told(store, notebook)
@@ -328,13 +358,109 @@ def test_without_a_store_it_says_in_one_line_what_to_do(
     [
         ("insulation", "No assessment of insulation in this store yet: whyhot ageing --store {} makes one."),
         ("fleet", "No assessment of insulation in this store yet: whyhot ageing --store {} makes one."),
-        ("twin", "No replay in this store yet: whyhot replay --store {} makes one of each session that has a model."),
+        ("models", "No replay in this store yet: whyhot replay --store {} makes one of each session that has a model."),
     ],
 )
 def test_a_store_with_nothing_of_the_kind_says_so_in_one_line(
     notebook: str, says: str, rows: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert said_by_script(notebook, rows, capsys) == (0, says.format(rows) + "\n", "")
+
+
+def test_heads_are_words_with_units_and_no_hash_is_shown(replayed: Path, aged: Aged, motors: tuple[Path, Any]) -> None:
+    tables = {
+        "campaign": (replayed, "sessions", ["session"]),
+        "models": (replayed, "runs", ["run"]),
+        "insulation": (aged.store, "checks", []),
+        "fleet": (motors[0], "motors", []),
+    }
+    for notebook, (store, name, left_out) in tables.items():
+        html = cells.tabled(told(store, notebook)[name], *left_out).text
+        heads = re.findall("<th>(.*?)</th>", html)
+        assert len(heads) > 5
+        assert not [head for head in heads if "_" in head], notebook
+        assert not re.search(r"[0-9a-f]{32}", html), notebook
+    assert cells.head("highest_degC") == "highest [°C]"
+    assert cells.head("slope_percent_per_100h") == "slope of R [% per 100 h]"
+
+
+@pytest.mark.parametrize("notebook", OF_A_STORE)
+def test_jupyter_runs_each_notebook_and_shows_it_without_a_network(
+    notebook: str,
+    aged: Aged,
+    motors: tuple[Path, fleet.Fleet],
+    replayed: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    store = {"insulation": aged.store, "fleet": motors[0]}.get(notebook, replayed)
+    monkeypatch.setenv("WHYHOT_STORE", str(store))
+    target = tmp_path / f"{notebook}.ipynb"
+    assert main(["notebook", notebook, "--out", str(target)]) == 0
+    shown = _run_by_jupyter(target)
+    assert "<h2" in shown
+    assert "<table>" in shown
+    assert "<svg " in shown
+    assert "<marimo-" not in shown, "what only marimo shows"
+    assert not re.findall(r'(?:src|href)="http[^"]*"', shown)
+
+
+def _run_by_jupyter(path: Path) -> str:
+    """What the cells of a Jupyter notebook show when all are run from top to bottom, as Jupyter has it: the HTML of
+    each last expression."""
+    program: list[ast.stmt] = []
+    for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
+        if cell["cell_type"] == "code":
+            *before, last = ast.parse("".join(cell["source"])).body
+            shows = isinstance(last, ast.Expr)
+            program += [*before, *(ast.parse(f"SHOWN.append({ast.unparse(last)})").body if shows else [last])]
+    script, shown = path.with_suffix(".py"), list[Any]()
+    script.write_text(ast.unparse(ast.Module(program, [])), encoding="utf-8")
+    runpy.run_path(str(script), init_globals={"SHOWN": shown})
+    return "".join(value._repr_html_() for value in shown if value is not None)
+
+
+def test_the_verb_lists_the_notebooks_and_opens_one_in_marimo(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert main(["notebook"]) == 0
+    listed = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in listed] == [*sorted([*OF_A_STORE, "paper"]), "next:"]
+    assert main(["notebook", "fleat"]) == 2
+    assert capsys.readouterr().err == "fleat: there is no such notebook. Nearest: fleet. whyhot notebook lists all\n"
+    started: list[list[str]] = []
+
+    def ended(command: list[str], **_: Any) -> subprocess.CompletedProcess[str]:
+        started.append(command)
+        raise KeyboardInterrupt  # which is how marimo is ended
+
+    monkeypatch.setattr(subprocess, "run", ended)
+    assert main(["notebook", "fleet", "--store", str(tmp_path)]) == 0
+    words = ["-m", "marimo", "run", str(NOTEBOOKS / "fleet.py"), "--", "--store", str(tmp_path)]
+    assert started == [[sys.executable, *words]]
+
+
+def test_a_notebook_is_written_only_where_it_can_be_read_and_over_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(target: Path) -> str:
+        assert main(["notebook", "models", "--out", str(target)]) == 2
+        return capsys.readouterr().err.removeprefix(f"{target}: ")
+
+    page = refused(tmp_path / "x.html")
+    assert page.startswith(
+        "a page made by marimo loads its program from the network and stays empty without it. Write "
+    )
+    assert page.count("\n") == 1
+    assert "x.ipynb and let `jupyter nbconvert --execute --to html` make the page of it" in page
+    assert refused(tmp_path / "x.pdf").startswith("a notebook is written as .ipynb for Jupyter or as .py for marimo")
+    assert main(["notebook", "models", "--out", str(tmp_path / "x.py")]) == 0
+    assert (tmp_path / "x.py").read_bytes() == (NOTEBOOKS / "models.py").read_bytes()
+    capsys.readouterr()
+    assert refused(tmp_path / "x.py") == "there is a file of this name; give another, or move it away\n"
+    monkeypatch.setattr(shelf, "find_spec", lambda name: None if name == "marimo" else object())
+    assert main(["notebook", "models"]) == 2
+    assert capsys.readouterr().err == f"{not_installed('marimo')}\n"
 
 
 @pytest.fixture(scope="module")

@@ -71,6 +71,10 @@ def test_every_source_and_data_file_is_in_the_wheel(wheel: Path) -> None:
     assert len(listed) > 50
     assert not {f"replay/{name}" if name.startswith("examples/") else name for name in listed} - inside
     assert "replay/examples/hust_motor/id_3.csv.gz" in inside
+    shipped = {path.name for path in (ROOT / "notebooks").glob("*.py")} - {"paper.py"}  # which runs on the tests' plant
+    assert {name for name in inside if name.startswith("replay/notebooks/")} == {
+        f"replay/notebooks/{n}" for n in shipped
+    }
 
 
 def test_help_and_demo_work_from_an_empty_folder(installed: Path, tmp_path: Path) -> None:
@@ -98,6 +102,7 @@ def test_help_and_demo_work_from_an_empty_folder(installed: Path, tmp_path: Path
     answer = json.loads((tmp_path / "answer.json").read_text(encoding="utf-8"))
     assert [run["session_name"] for run in answer["runs"]] == [f"id_{number}" for number in RECORDINGS]
     assert (tmp_path / "demo" / "report.html").stat().st_size > 100_000
+    assert _run(whyhot, "notebook", cwd=tmp_path, env=env).stdout.startswith("campaign ")
     _run(whyhot, "sql", "SELECT count(*) FROM samples", "--store", "demo/store", cwd=tmp_path, env=env)
 
 

@@ -48,6 +48,7 @@ VERBS: dict[str, str] = {
     "report": "one HTML file of replays or of a diagnosis, readable offline",
     "index": "pages over the whole store for a share: sessions, diagnoses, stators; only what changed is written again",
     "view": "measured and modelled temperatures in the rerun viewer",
+    "notebook": "a campaign, a stator, a fleet or models in a notebook, in marimo or for Jupyter",
     "sql": "ask the warehouse in SQL, read-only",
     "lineage": "from a number back to the frames, files, code and command that it came from",
     "retract": "take back a log, session, diagnosis or inspection, with a reason; no bytes are deleted",

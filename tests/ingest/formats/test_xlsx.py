@@ -217,7 +217,9 @@ def test_one_that_hides_how_much_it_unpacks_to_is_refused(tmp_path: Path) -> Non
 
 def test_without_the_package_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "python_calamine", None)
-    with pytest.raises(UnreadableLogError, match=r"the reader of XLSX files is not installed: .*\[view,tdms,xlsx\]"):
+    with pytest.raises(
+        UnreadableLogError, match=r"the reader of XLSX files is not installed: .*\[view,notebooks,tdms,xlsx\]"
+    ):
         read(LOGS / "sample.xlsx")
 
 

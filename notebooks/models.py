@@ -1,56 +1,32 @@
-"""The twin against the measurement: how far off each model is, where, and what was hottest, in SQL.
+"""Models against the measurement: how far off each is, where, and what was hottest, in SQL.
 
-marimo edit notebooks/twin.py -- --store DIR
-python notebooks/twin.py --store DIR        prints the answer alone
+whyhot notebook models --store DIR
+python notebooks/models.py --store DIR        prints the answer alone
 """
 # ruff: noqa: PLR1711 (marimo writes `return` at the end of every cell)
 
 import marimo
 
 __generated_with = "0.25.2"
-app = marimo.App(width="medium", app_title="Twin against measurement", sql_output="native")
+app = marimo.App(width="medium", app_title="Models against measurement")
 
 
 @app.cell
 def _():
-    import os
-    import sys
-
     import altair as alt
     import marimo as mo
 
-    from analytics import warehouse
-    from analytics.errors import AnalyticsError
-    from ingest.errors import IngestError
+    from replay.show.notebooks import cells
     from replay.show.words import words
     from replay.show.words.palette import COLOURS, DIVERGING, INK
 
-    def tabled(table):
-        """A table without summaries, numbers to five digits."""
-        numbers = [field.name for field in table.schema if str(field.type) == "double"]
-        formats = dict.fromkeys(numbers, "{:,.5g}")
-        return mo.ui.table(table, selection=None, show_column_summaries=False, format_mapping=formats)
-
-    return (
-        AnalyticsError,
-        COLOURS,
-        DIVERGING,
-        INK,
-        IngestError,
-        alt,
-        mo,
-        os,
-        sys,
-        tabled,
-        warehouse,
-        words,
-    )
+    return COLOURS, DIVERGING, INK, alt, cells, mo, words
 
 
 @app.cell
 def _(mo):
     mo.md(r"""
-    # Where is the twin wrong?
+    # Where is the model wrong?
 
     A replay runs the thermal network from the measured inputs alone, never from the temperatures that it is judged by. A residual is
     measured minus modelled: above zero the model is too cold. Held, stuck and saturated samples are not counted.
@@ -59,42 +35,48 @@ def _(mo):
 
 
 @app.cell
-def _(AnalyticsError, IngestError, mo, os, sys, warehouse):
-    folder = str(mo.cli_args().get("store") or os.environ.get("WHYHOT_STORE") or "whyhot-store")
-    try:
-        store, no_store = warehouse.connect(folder), ""
-    except (IngestError, AnalyticsError) as error:
-        store, no_store = None, str(error)
-        if mo.app_meta().mode == "script":
-            print(no_store, file=sys.stderr)
-            sys.exit(2)
-    mo.stop(store is None, mo.callout(no_store, kind="danger"))
+def _(cells):
+    folder, store = cells.connected()
     return folder, store
 
 
 @app.cell
-def _(mo, store):
-    run_rows = mo.sql(
+def _(store):
+    run_rows = store.sql(
         """
         WITH latest AS (  -- of the same session with the same model
             FROM runs
             QUALIFY row_number() OVER (PARTITION BY session, model, level ORDER BY recorded DESC) = 1
+        ),
+        roles AS (  -- as it came, or what was learnt of it
+            SELECT
+                p.position,
+                p.payload->>'model' AS model,
+                p.payload->>'motor' AS motor,
+                if(p.payload->>'parent' IS NULL, 'as published', if(e.position IS NULL, 'recalibrated', 'extended')) AS role
+            FROM events AS p
+            LEFT JOIN events AS e ON e.topic = 'whyhot:ModelExtended' AND e.payload->>'model' = p.payload->>'model'
+            WHERE p.topic = 'whyhot:ModelPublished'
+            QUALIFY row_number() OVER (PARTITION BY motor, model ORDER BY p.position) = 1
+        ),
+        published AS (
+            SELECT model, motor, role, row_number() OVER (PARTITION BY motor, role ORDER BY position) AS number FROM roles
         )
         SELECT
-            run, session_name, kind, specimen, motor, concat_ws(' ', motor, left(model, 8), nullif(level, 'testing')) AS version,
-            mae_K, max_K, worst_node, recorded
-        FROM latest
-        ORDER BY recorded, session_name
-        """,
-        output=False,
-        engine=store,
+            r.run, r.session_name, r.kind, r.specimen,
+            concat_ws(' ', concat(r.motor, ','), p.role, if(p.number > 1, p.number::VARCHAR, NULL), nullif(r.level, 'testing')) AS version,
+            r.mae_K, r.max_K, r.worst_node, r.recorded
+        FROM latest AS r
+        LEFT JOIN published AS p ON p.model = r.model AND p.motor = r.motor
+        ORDER BY r.recorded, r.session_name
+        """
     )
     return (run_rows,)
 
 
 @app.cell
-def _(mo, store):
-    node_rows = mo.sql(
+def _(store):
+    node_rows = store.sql(
         """
         SELECT
             run,
@@ -107,15 +89,13 @@ def _(mo, store):
         WHERE used
         GROUP BY run, node
         ORDER BY mae_K DESC
-        """,
-        output=False,
-        engine=store,
+        """
     )
     return (node_rows,)
 
 
 @app.cell
-def _(folder, mo, node_rows, run_rows, words):
+def _(cells, folder, node_rows, run_rows, words):
     runs, errors = run_rows.to_arrow_table(), node_rows.to_arrow_table()
     of_run = {row["run"]: row for row in runs.to_pylist()}
     by_node = [{**of_run[row["run"]], **row} for row in errors.to_pylist() if row["run"] in of_run]
@@ -142,21 +122,21 @@ def _(folder, mo, node_rows, run_rows, words):
         answer = [
             f"No replay in this store yet: whyhot replay --store {folder} makes one of each session that has a model."
         ]
-    if mo.app_meta().mode == "script":
-        print("\n".join(answer))
-    mo.md("## Answer\n\n" + "\n".join(f"- {line}" for line in answer))
+    cells.answered(answer)
     return by_node, runs, versions
 
 
 @app.cell
-def _(mo, runs, tabled, versions):
-    picked_version = mo.ui.dropdown(versions, value=versions[0] if versions else None, label="Model")
-    mo.vstack([mo.md("## Runs"), tabled(runs), picked_version]) if versions else None
+def _(cells, mo, runs, versions):
+    picked_version = cells.choice(versions)
+    mo.vstack(
+        [mo.md("## Replays"), cells.tabled(runs, "run"), cells.offered({"Model": picked_version})]
+    ) if versions else None
     return (picked_version,)
 
 
 @app.cell
-def _(COLOURS, INK, alt, by_node, mo, picked_version):
+def _(COLOURS, INK, alt, by_node, cells, picked_version):
     errors_shown = [
         {key: row[key] for key in ("session_name", "node", "mae_K", "bias_K", "max_K", "hottest_degC")}
         for row in by_node
@@ -173,25 +153,24 @@ def _(COLOURS, INK, alt, by_node, mo, picked_version):
             tooltip=["session_name:N", "node:N", "mae_K:Q", "bias_K:Q", "max_K:Q", "hottest_degC:Q"],
         )
         + base.mark_text(color=INK[0], fontSize=11).encode(alt.Text("mae_K:Q", format=".1f"))
-    ).properties(width=alt.Step(60), height=alt.Step(24))
-    mo.ui.altair_chart(error_map, chart_selection=False, legend_selection=False) if errors_shown else None
+    ).properties(width=cells.WIDE, height=alt.Step(24))
+    cells.drawn(error_map) if errors_shown else None
     return (error_map,)
 
 
 @app.cell
-def _(by_node, mo, picked_version):
+def _(by_node, cells, picked_version):
     chosen = [row for row in by_node if row["version"] == picked_version.value]
     nodes = list(dict.fromkeys(row["node"] for row in chosen))  # the worst first
     sessions = {row["session_name"]: row["run"] for row in chosen}
-    picked_node = mo.ui.dropdown(nodes, value=nodes[0] if nodes else None, label="Node")
-    picked_session = mo.ui.dropdown(sessions, value=next(iter(sessions), None), label="Session")
-    mo.hstack([picked_node, picked_session], justify="start") if nodes else None
+    picked_node, picked_session = cells.choice(nodes), cells.choice(sessions)
+    cells.offered({"Place": picked_node, "Session": picked_session}) if nodes else None
     return picked_node, picked_session, sessions
 
 
 @app.cell
-def _(mo, picked_node, sessions, store):
-    cell_rows = mo.sql(
+def _(picked_node, sessions, store):
+    cell_rows = store.sql(
         f"""
         SELECT
             floor(20 * speed_rpm / top_rpm) * top_rpm / 20 AS from_rpm,
@@ -210,19 +189,19 @@ def _(mo, picked_node, sessions, store):
         WHERE used AND list_contains({list(sessions.values())}::VARCHAR[], run)
           AND node = '{str(picked_node.value).replace("'", "''")}' AND speed_rpm IS NOT NULL AND current_A IS NOT NULL
         GROUP BY ALL
-        """,
-        output=False,
-        engine=store,
+        """
     )
     return (cell_rows,)
 
 
 @app.cell
-def _(DIVERGING, alt, cell_rows, mo, picked_node):
-    cells = cell_rows.to_arrow_table()
-    reach = max((abs(value) for value in cells["bias_K"].to_pylist()), default=1.0)
+def _(DIVERGING, alt, cell_rows, cells, mo, picked_node):
+    operating = cell_rows.to_arrow_table()
+    reach = max((abs(value) for value in operating["bias_K"].to_pylist()), default=1.0)
     speed_current = (
-        alt.Chart(cells, title=f"{picked_node.value}: residual over speed and current, all sessions of this model [K]")
+        alt.Chart(
+            operating, title=f"{picked_node.value}: residual over speed and current, all sessions of this model [K]"
+        )
         .mark_rect(stroke="#d0d4da", strokeWidth=0.3)
         .encode(
             alt.X("from_rpm:Q", title="speed [rpm]", axis=alt.Axis(tickCount=8)),
@@ -236,20 +215,22 @@ def _(DIVERGING, alt, cell_rows, mo, picked_node):
             ),
             tooltip=["from_rpm", "from_A", "bias_K", "mae_K", "steps"],
         )
-        .properties(width=600, height=260)
+        .properties(width=cells.WIDE, height=260)
     )
     mo.vstack(
         [
-            mo.ui.altair_chart(speed_current, chart_selection=False, legend_selection=False),
+            cells.drawn(speed_current),
             mo.md("Blue: the model is too hot there; orange: too cold."),
         ]
-    ) if cells.num_rows else mo.md("Speed and current are not recorded together: no map." if picked_node.value else "")
+    ) if operating.num_rows else mo.md(
+        "Speed and current are not recorded together: no map." if picked_node.value else ""
+    )
     return (speed_current,)
 
 
 @app.cell
-def _(mo, picked_node, picked_session, store):
-    time_rows = mo.sql(
+def _(picked_node, picked_session, store):
+    time_rows = store.sql(
         f"""
         WITH mine AS (
             SELECT * FROM residuals
@@ -266,15 +247,13 @@ def _(mo, picked_node, picked_session, store):
             GROUP BY part
         )
         SELECT minute, measured, modelled, residual_K FROM thinned ORDER BY minute
-        """,
-        output=False,
-        engine=store,
+        """
     )
     return (time_rows,)
 
 
 @app.cell
-def _(COLOURS, INK, alt, mo, picked_node, picked_session, time_rows):
+def _(COLOURS, INK, alt, cells, picked_node, picked_session, time_rows):
     series = time_rows.to_arrow_table()
     minutes = alt.X("minute:Q", title=None)
     zoom = alt.selection_interval(bind="scales", encodings=["x"])
@@ -288,23 +267,23 @@ def _(COLOURS, INK, alt, mo, picked_node, picked_session, time_rows):
             alt.Color("what:N", title=None, scale=alt.Scale(domain=["measured", "modelled"], range=[INK[0], COLOURS[1]])),
             alt.StrokeDash("what:N", title=None, scale=alt.Scale(domain=["measured", "modelled"], range=[[1, 0], [5, 2]])),
         )
-        .properties(width=600, height=220)
+        .properties(width=cells.WIDE, height=220)
         .add_params(zoom)
     )  # fmt: skip
     off = (
         alt.Chart(series)
         .mark_line(strokeWidth=1.1, color=COLOURS[0])
         .encode(alt.X("minute:Q", title="time since start [min]"), alt.Y("residual_K:Q", title="measured - modelled [K]"))
-        .properties(width=600, height=120)
+        .properties(width=cells.WIDE, height=120)
     )  # fmt: skip
     over_time = (both & off).resolve_scale(x="shared")
-    mo.ui.altair_chart(over_time, chart_selection=False, legend_selection=False) if series.num_rows else None
+    cells.drawn(over_time) if series.num_rows else None
     return (over_time,)
 
 
 @app.cell
-def _(mo, picked_session, store):
-    hot_rows = mo.sql(
+def _(picked_session, store):
+    hot_rows = store.sql(
         f"""
         SELECT
             t.node,
@@ -321,20 +300,18 @@ def _(mo, picked_session, store):
         WHERE t.run = '{picked_session.value}'
         GROUP BY t.node
         ORDER BY modelled_hottest_degC DESC
-        """,
-        output=False,
-        engine=store,
+        """
     )
     return (hot_rows,)
 
 
 @app.cell
-def _(hot_rows, mo, tabled):
+def _(cells, hot_rows, mo):
     hot = hot_rows.to_arrow_table()
     mo.vstack(
         [
             mo.md("## What was hottest, with a sensor and without"),
-            tabled(hot),
+            cells.tabled(hot),
         ]
     ) if hot.num_rows else None
     return (hot,)
