@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from replay.engine.results.residuals import channel_errors, largest_by_node, mean_by_node
-from replay.engine.results.run import Observed, Run
-from replay.engine.results.summary import Summary, read
+from replay.engine.results.run import HeatCourse, Observed, Run
+from replay.engine.results.summary import HeatBalance, HeatPart, StoredHeat, Summary, read
 
 STEP_NS = 1_000_000_000
 UTC_NS = 1_760_000_000_000_000_000  # 2025-10-09 08:53:20
@@ -126,3 +128,26 @@ def _run(
         observed=observed,
         summary=summary,
     )
+
+
+def heated(run: Run, kinds_W: Mapping[str, float], taken_W: Mapping[str, float]) -> Run:
+    """The run with an account of its heat: means by kind and boundary [W]; the rest is stored in the copper."""
+    duration_s, steps = run.summary.duration_s, run.t_ns.size - 1
+
+    def parts(of_W: Mapping[str, float]) -> dict[str, HeatPart]:
+        return {name: HeatPart(mean_W=watts, energy_J=watts * duration_s) for name, watts in of_W.items()}
+
+    made_W = sum(kinds_W.values())
+    stored_J = (made_W - sum(taken_W.values())) * duration_s
+    balance = HeatBalance(
+        mean_W=made_W,
+        energy_J=made_W * duration_s,
+        kinds=parts(kinds_W),
+        regions=parts({"copper": made_W}),
+        nodes=parts({"winding": made_W}),
+        boundaries=parts(taken_W),
+        stored={"copper": StoredHeat(energy_J=stored_J)},
+        left_J=0.0,
+    )
+    course = HeatCourse(*({name: np.full(steps, watts) for name, watts in of.items()} for of in (kinds_W, taken_W)))
+    return replace(run, heat=course, summary=replace(run.summary, losses=balance))

@@ -1,4 +1,4 @@
-"""Where the heat of a session comes from and where it goes: two bars of one length, and the course over time."""
+"""Where the heat of a session comes from and where it goes: bands as wide as their watts, and the course over time."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from replay.engine.results.run import Run
 from replay.engine.results.summary import HeatBalance, HeatPart, StoredHeat
 from replay.show.plots.plots import WIDTH, over_session, time_axis
+from replay.show.plots.sankey import draw_flows
 from replay.show.words import heat_words, words
 from replay.show.words.figure import RIGHT, FigureTable, Plot, inline_svg, name_lines, style
 from replay.show.words.palette import COLOURS, DASHES, INK, SOFT
@@ -20,10 +21,8 @@ from replay.show.words.thin import thin
 Floats = NDArray[np.float64]
 Parts = list[tuple[str, float]]  # name, mean [W]
 
-HEIGHT = 3.0  # inches
+HEIGHT = 3.6  # inches
 SMOOTH_S = 60.0  # of the course over time: a driving cycle's losses jump every second
-CHARACTER = 0.0105  # of the bars' width
-NAMED = 0.03  # of the whole: a smaller part has no name
 
 
 def heat_balance(run: Run, columns: int) -> Plot | None:
@@ -35,12 +34,10 @@ def heat_balance(run: Run, columns: int) -> Plot | None:
     title = _title(made, gone)
     with style(f"{run.session} heat"):
         figure = Figure(figsize=(WIDTH, HEIGHT))
-        place = {"left": 0.1, "right": RIGHT, "bottom": 0.14, "top": 0.97, "hspace": 0.42}
-        grid = figure.add_gridspec(2, 1, height_ratios=(1.0, 1.5), **place)
-        _draw_bars(figure.add_subplot(grid[0]), made, gone, _colours(losses))
-        _draw_course(figure.add_subplot(grid[1]), run, columns)
+        draw_flows(figure.add_axes((0.29, 0.58, 0.43, 0.4)), made, gone, "W", _colours(losses))
+        _draw_course(figure.add_axes((0.1, 0.12, RIGHT - 0.1, 0.4)), run, _colours(losses), columns)
         svg = inline_svg(figure, title)
-    note = f"Bars: means over the session; what came in is what went out. Below: means over {SMOOTH_S:.0f} s."
+    note = f"Above: means over the session; what came in is what went out. Below: means over {SMOOTH_S:.0f} s."
     return Plot(title, svg, note, _table(losses))
 
 
@@ -73,40 +70,16 @@ def _colours(losses: HeatBalance) -> dict[str, str]:
     return kinds | dict(zip(map(words.name, losses.boundaries), COLOURS[::-1], strict=False))
 
 
-def _draw_bars(axes: Axes, made: Parts, gone: Parts, colours: Mapping[str, str]) -> None:
-    total = sum(watts for _, watts in made)
-    for row, parts in enumerate((made, gone)):
-        left = 0.0
-        for name, watts in sorted(parts, key=lambda part: -part[1]):
-            colour = colours.get(name.removeprefix("from ").removeprefix("less "), SOFT[0])
-            axes.barh(-row, watts, left=left, height=0.62, color=colour, linewidth=0)
-            _name_part(axes, name, watts, left + watts / 2, row, total)
-            left += watts
-    axes.set_xlim(0, total)
-    axes.set_ylim(-1.45, 0.45)
-    axes.set_yticks([0, -1], ["comes\nfrom", "goes\nto"])
-    axes.tick_params(axis="y", length=0)
-    axes.grid(False)
-    axes.spines["left"].set_visible(False)
-    axes.xaxis.set_major_formatter(lambda value, _: words.number(value))
-    axes.text(1.035, -0.12, "W", transform=axes.transAxes, va="top")
-
-
-def _name_part(axes: Axes, name: str, watts: float, middle: float, row: int, total: float) -> None:
-    for text in (f"{name} {100 * watts / total:.0f} %", name):
-        if watts / total > max(NAMED, CHARACTER * len(text)):
-            axes.text(middle, -row, text, ha="center", va="center", color="#000000", fontsize=7.5)
-            return
-
-
-def _draw_course(axes: Axes, run: Run, columns: int) -> None:
+def _draw_course(axes: Axes, run: Run, colours: Mapping[str, str], columns: int) -> None:
     assert run.heat is not None
     time, ends = time_axis(run), []
     step_s = float(run.t_ns[1] - run.t_ns[0]) / 1e9
     middle = time.of((run.t_ns[:-1] + run.t_ns[1:]) // 2)
     made = np.sum([np.zeros(middle.size), *run.heat.kinds.values()], axis=0)
-    lines = {"made": made, **{f"into {words.name(name)}": taken for name, taken in run.heat.boundaries.items()}}
-    for (name, watts), colour, dashes in zip(lines.items(), (INK[0], *COLOURS[::-1]), ("-", *DASHES), strict=False):
+    lines = [("made", made, INK[0])]
+    taken_by = ((words.name(name), taken) for name, taken in run.heat.boundaries.items())
+    lines += [(f"into {name}", taken, colours.get(name, SOFT[0])) for name, taken in taken_by]
+    for (name, watts, colour), dashes in zip(lines, ("-", *DASHES), strict=False):
         smooth = _smoothed(watts, round(SMOOTH_S / step_s))
         axes.plot(*thin(middle, smooth, columns), color=colour, linestyle=dashes, linewidth=1.1)
         ends.append((float(smooth[-1]), name, colour))

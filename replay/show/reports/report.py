@@ -15,7 +15,7 @@ from replay.show.plots.heat_plots import heat_balance
 from replay.show.plots.meter_plots import meter_over_time
 from replay.show.plots.plots import groups, inputs_over_time, over_time
 from replay.show.plots.residual_strip import residual_strip
-from replay.show.words import words
+from replay.show.words import heat_words, words
 from replay.show.words.figure import Plot
 from replay.show.words.findings import answer, power_balance, worst_first
 from replay.show.words.page import template
@@ -55,6 +55,7 @@ def write_report(runs: Sequence[Run], target: Path, context: ReportContext) -> N
         maps=[plot for plot in (error_map(runs), error_along(runs)) if plot is not None],
         balances=power_balance(summaries),
         heats=[(run.session_name, said) for run in runs if (said := [*map(words.capital, heat_says(run.summary))])],
+        limits=[(run.session_name, said) for run in runs if (said := heat_words.above_limits(run.summary))],
         meters=[(run.session_name, one) for run in runs for one in run.summary.meters],
         notes=[(run.session_name, run.summary.note) for run in runs if run.summary.note],
         context=context,

@@ -145,20 +145,30 @@ def named(name: str) -> str:
 
 def name_lines(axes: Axes, names: Sequence[tuple[float, str, str]]) -> None:
     """Names at the right end of lines: (y in data units, text, colour), moved as little as keeps them apart."""
+    ranked = sorted(names)
+    for (place, text), (_, _, colour) in zip(
+        kept_apart(axes, [(y, text) for y, text, _ in ranked]), ranked, strict=True
+    ):
+        axes.annotate(
+            fitting(text), (1.01, place), xycoords="axes fraction", va="center", color=colour, annotation_clip=False
+        )
+
+
+def kept_apart(axes: Axes, names: Sequence[tuple[float, str]]) -> list[tuple[float, str]]:
+    """Names beside the axes, from below: (y in data units, text) as (share of the axes' height, text), moved as little
+    as keeps them apart."""
     low, high = axes.get_ylim()
     ranked = sorted(names)
     figure = axes.get_figure(root=True)
     assert figure is not None, "axes are drawn in a figure"
     height = axes.get_position().height * figure.get_figheight()
     spread = LINE / height * np.arange(len(ranked))
-    wanted = np.clip([(y - low) / (high - low) for y, _, _ in ranked], 0.0, 1.0)
-    for place, (_, text, colour) in zip(isotonic_regression(wanted - spread).x + spread, ranked, strict=True):
-        axes.annotate(
-            _short(text), (1.01, place), xycoords="axes fraction", va="center", color=colour, annotation_clip=False
-        )
+    wanted = np.clip([(y - low) / (high - low) for y, _ in ranked], 0.0, 1.0)
+    places = isotonic_regression(wanted - spread).x + spread
+    return [(float(place), text) for place, (_, text) in zip(places, ranked, strict=True)]
 
 
-def _short(name: str) -> str:
+def fitting(name: str, longest: int = LONGEST) -> str:
     """A name that fits beside the axes: both ends tell it from its neighbours."""
-    half = LONGEST // 2
-    return name if len(name) <= LONGEST else f"{name[: half - 1]}…{name[-half:]}"
+    half = longest // 2
+    return name if len(name) <= longest else f"{name[: half - 1]}…{name[-half:]}"

@@ -11,7 +11,7 @@ import pytest
 from made.ageing import aged
 from made.browser import LABELS, as_it_stands, axe, in_browser
 from made.diagnoses import NAMED, runs
-from made.runs import made_run
+from made.runs import heated, made_run
 from replay.engine.results.run import Run
 from replay.show.reports.ageing_report import write_ageing_report
 from replay.show.reports.diagnosis_report import write_diagnosis_report
@@ -36,7 +36,9 @@ def with_a_long_name() -> Run:
 def page(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     target = tmp_path_factory.mktemp(request.param) / "page.html"
     if request.param == "report":
-        write_report([with_a_long_name(), made_run("2_s2")], target, CONTEXT)
+        kinds = {"copper_dc": 600.0, "copper_ac": 150.0, "iron": 200.0, "magnet": 4.0, "mechanical": 4.0, "other": 1.0}
+        taken = {"coolant": 900.0, LONG: 1.0, "ambient": 1.0, "plate": -50.0}
+        write_report([heated(with_a_long_name(), kinds, taken), made_run("2_s2")], target, CONTEXT)
     elif request.param == "ageing":
         write_ageing_report(aged(), target, CONTEXT)
     else:
