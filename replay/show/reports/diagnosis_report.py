@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from replay.engine.results.run import Run
+from replay.show.plots.calendar_plot import calendar
 from replay.show.plots.compare import MODELS, compare, lines_drawn
 from replay.show.plots.error_maps import error_map
 from replay.show.plots.filter_plots import estimated_loss
@@ -46,6 +47,7 @@ def write_diagnosis_report(
     MODELS -> its sealed run, where there is one; `diff`: unified diff of the motor or bench file, "" where there is
     none."""
     shown = {session: runs[session] for session in (*diagnosis.train, *diagnosis.held_out) if runs.get(session)}
+    sessions = _sessions(diagnosis, shown)
     page = template("diagnosis.html.j2").render(
         diagnosis=diagnosis,
         name=diagnosis_name(diagnosis),
@@ -63,7 +65,8 @@ def write_diagnosis_report(
         apart=two_models.paragraphs(diagnosis),
         looked_at=looked_at(diagnosis),
         commands=next_commands(diagnosis),
-        sessions=_sessions(diagnosis, shown),
+        calendar=calendar([session.run for session in sessions], diagnosis.held_out) if sessions else None,
+        sessions=sessions,
         map=error_map([models["published"] for models in shown.values() if "published" in models]) if shown else None,
         ranking=ranking(diagnosis),
         filtered=list(_filtered(diagnosis, shown)),

@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from replay.engine.results.run import Observed, Run
+from replay.show.plots.calendar_plot import calendar
 from replay.show.plots.derating_plot import derating_over_time
 from replay.show.plots.error_maps import error_along, error_map
 from replay.show.plots.filter_plots import filter_over_time
@@ -51,6 +52,7 @@ def write_report(runs: Sequence[Run], target: Path, context: ReportContext) -> N
         answer=answer(summaries),
         runs=runs,
         errors={run.session: worst_first(run.summary) for run in runs},
+        calendar=calendar(runs) if len(runs) > 1 else None,
         sessions=_sessions(runs),
         maps=[plot for plot in (error_map(runs), error_along(runs)) if plot is not None],
         balances=power_balance(summaries),
