@@ -18,6 +18,7 @@ from replay.show.reports.diagnosis_text import diagnosis_name, gain_notes, looke
 from replay.show.reports.gain_plot import gain_bars
 from replay.show.reports.ranking import ranking
 from replay.show.reports.report import COLUMNS, LINES, ReportContext, started
+from replay.show.reports.waterfall_plot import waterfall
 from replay.show.words import words
 from replay.show.words.figure import Plot
 from replay.show.words.page import template
@@ -58,6 +59,7 @@ def write_diagnosis_report(
         answer=sentences.answer(diagnosis),
         chain_plot=chain_bars(diagnosis),
         gain_plot=gain_bars(diagnosis),
+        waterfall=waterfall(diagnosis, shown),
         gain_notes=gain_notes(diagnosis),
         gains=kept_errors.furthest_first(diagnosis.gain),
         kept_errors=kept_errors,
