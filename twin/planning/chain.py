@@ -11,6 +11,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import reduce
+from heapq import nlargest
 
 import numpy as np
 
@@ -156,6 +157,17 @@ def plan_day(found: Prospect, hours: float, only: Collection[str], tell: Tell) -
 
 
 @dataclass(frozen=True)
+class _Weighed:
+    """A test at the length at which it tells most an hour: what it `gathered`, and d (m,) of the candidates with it
+    beside the recorded ones."""
+
+    rate: float
+    proposed: Proposed
+    gathered: Gathered
+    d: Floats
+
+
+@dataclass(frozen=True)
 class _Runnable:
     """A course of the menu and the lengths [blocks] at which it crosses no limit and fits the day; `why_not` where a
     limit leaves none."""
@@ -175,11 +187,9 @@ class _Weighing:
         with ThreadPoolExecutor(2) as pool:
             every = list(pool.map(self._runnable, courses(bench)))
             self.refused = tuple((one.course.words, one.why_not) for one in every if one.why_not)
-            weighed = list(pool.map(self._weigh, (one for one in every if one.lengths)))
-            self.count = sum(len(one.lengths) for one in every)
-            self.leading = [cut(course, n) for _, course, n in sorted(weighed, key=lambda one: -one[0])[:LEADING]]
-            self.gathered = list(pool.map(self._gathered, self.leading))
-            self.ds = list(pool.map(lambda one: wanted.d(self.known + one), self.gathered))  # of each alone
+            weighed = pool.map(self._weigh, (one for one in every if one.lengths))
+            self.leading = nlargest(LEADING, weighed, key=lambda one: one.rate)
+        self.count = sum(len(one.lengths) for one in every)
 
     def _runnable(self, course: Proposed) -> _Runnable:
         hot = heated(self.found.ground, self.found.limits, self.bench.test(course))
@@ -190,39 +200,32 @@ class _Weighing:
         why_not = "" if lengths or over is None else _over(self.found, *over)
         return _Runnable(course, tuple(n for n in lengths if _hours(n) <= self.hours), why_not)
 
-    def _weigh(self, one: _Runnable) -> tuple[float, Proposed, int]:
-        """What a course tells an hour [nat/h], and the length at which."""
-        test = self.bench.test(cut(one.course, one.lengths[-1]))
-        told = [self._more(more) for more in self.found.ground.would_tell(test, one.lengths)]
-        rates = [gain / _hours(length) for gain, length in zip(told, one.lengths, strict=True)]
+    def _weigh(self, one: _Runnable) -> _Weighed:
+        """A course at the length at which it tells most an hour; one run serves all lengths."""
+        told = self.found.ground.would_tell(self.bench.test(cut(one.course, one.lengths[-1])), one.lengths)
+        ds = [self.wanted.d(self.known + more) for more in told]
+        rates = [(self.wanted.worth(d) - self.told) / _hours(n) for d, n in zip(ds, one.lengths, strict=True)]
         best = int(np.argmax(rates))
-        return rates[best], one.course, one.lengths[best]
-
-    def _gathered(self, proposed: Proposed) -> Gathered:
-        return self.found.ground.would_tell(self.bench.test(proposed), [len(proposed.speed)])[0]
-
-    def _more(self, more: Gathered) -> float:
-        """What is told besides what is known so far [nat]."""
-        return self.wanted.told(self.known + more) - self.told
+        return _Weighed(rates[best], cut(one.course, one.lengths[best]), told[best], ds[best])
 
     def alone(self) -> Mapping[str, Floats]:
         """Each leading test in words -> d (m,) with it beside the recorded ones."""
-        return {one.words: d for one, d in zip(self.leading, self.ds, strict=True)}
+        return {one.proposed.words: one.d for one in self.leading}
 
     def chain(self) -> tuple[DayStep, ...]:
         """Of the leading tests the best, given that the next best, and so on; one may be run again."""
         steps: list[DayStep] = []
-        known, told, ds = self.known, self.told, dict(enumerate(self.ds))
-        hours = [_hours(len(one.speed)) for one in self.leading]
+        known, told, ds = self.known, self.told, {i: one.d for i, one in enumerate(self.leading)}
+        hours = [_hours(len(one.proposed.speed)) for one in self.leading]
         while True:
             left = self.hours - sum(step.hours for step in steps)
             gains = {i: self.wanted.worth(d) - told for i, d in ds.items() if hours[i] <= left}
             best = max(gains, key=lambda i: gains[i] / hours[i], default=None)
             if best is None or gains[best] < WORTH_nat:
                 return tuple(steps)
-            known, told = known + self.gathered[best], told + gains[best]
-            steps.append(DayStep(self.leading[best], gains[best], hours[best]))
-            ds = {i: self.wanted.d(known + self.gathered[i]) for i in gains if hours[i] <= left - hours[best]}
+            known, told = known + self.leading[best].gathered, told + gains[best]
+            steps.append(DayStep(self.leading[best].proposed, gains[best], hours[best]))
+            ds = {i: self.wanted.d(known + self.leading[i].gathered) for i in gains if hours[i] <= left - hours[best]}
 
 
 def _hours(length: int) -> float:

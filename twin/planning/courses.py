@@ -129,12 +129,10 @@ def _begun(proposed: Proposed) -> Proposed:
 
 
 def cut(proposed: Proposed, length: int) -> Proposed:
-    """The first so many blocks of a course, the length said; the last one comes to rest."""
-    speed, load = proposed.speed[:length].copy(), proposed.load[:length].copy()
-    speed[-1] = load[-1] = 0.0
+    """The first so many blocks of a course, the length said."""
     words = f"{proposed.words}, {length * BLOCK_S / 60:.0f} min"
     coolant = proposed.coolant_K[:length] if isinstance(proposed.coolant_K, np.ndarray) else proposed.coolant_K
-    return Proposed(words, speed, load, proposed.flow[:length], coolant)
+    return Proposed(words, proposed.speed[:length], proposed.load[:length], proposed.flow[:length], coolant)
 
 
 def rest(minutes: float) -> Proposed:

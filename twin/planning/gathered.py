@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -63,6 +64,13 @@ class Ground:
             size = len(shared) + len(own)
             known += _without_own(_products(np.concatenate(rows), size), len(shared), model.sd[own], size)
         return cls(fit, tuple(candidates), np.array(shared, dtype=np.intp), known)
+
+    @cached_property
+    def unsure(self) -> Floats:
+        """What the fit's tests leave unknown of the p shared parameters: a factor U (p, p) of their covariance U U'."""
+        lower = cholesky(self.known.gram, lower=True)
+        found: Floats = solve_triangular(lower, np.eye(len(lower)), lower=True).T
+        return found
 
     def model(self, test: Test, more: Sequence[Parameter] = ()) -> tuple[Model, Floats]:
         """A new test with what it brings along and `more`, and the vector: the shared parameters as they are fitted."""

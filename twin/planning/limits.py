@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
 
 from twin.diagnosis.next_tests import read_throughout
 from twin.errors import DivergedError
@@ -70,14 +69,12 @@ def heated(ground: Ground, limits: NodeLimits, test: Test) -> Heated | None:
     except DivergedError:
         return None
     size = len(ground.shared)
-    lower = cholesky(ground.known.gram, lower=True)
     sd, at = [], []
     for part in parts:
         columns = np.zeros((len(part.series.y), len(beta)))
         columns[:, part.at] = part.columns
-        of_shared = solve_triangular(lower, columns[:, :size].T, lower=True)
-        own = columns[:, size:] * model.sd[size:]
-        sd.append(np.sqrt(np.einsum("ij,ij->j", of_shared, of_shared) + np.einsum("ij,ij->i", own, own)))
+        unsure = np.hstack([columns[:, :size] @ ground.unsure, columns[:, size:] * model.sd[size:]])
+        sd.append(np.sqrt(np.einsum("ij,ij->i", unsure, unsure)))
         at.append(-part.series.y)
     return Heated(limits, np.column_stack(at), np.column_stack(sd))
 
