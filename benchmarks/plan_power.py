@@ -1,14 +1,16 @@
 """What a plan promised and what came: motors of `tests/plant` that hide a cause, the day that `whyhot plan` proposes,
 run on them, and the diagnosis with it.
 
-    python benchmarks/plan_power.py [--motors N] [--first SEED] [--hours H] [--quick] [--json FILE]
+    python benchmarks/plan_power.py [--motors N] [--first SEED] [--hours H] [--minutes M] [--hide CAUSE SIZE]
+        [--quick] [--json FILE]
 
-A trial is a specimen with one hidden cause, three sessions (S1, S2, WLTP) as BLF, ingested and diagnosed; the day that
-`whyhot plan` proposes from them, not knowing the cause; that day run on the plant and logged; and the diagnosis of all
-four. Causes of the plant's catalogue go in turn, each of a size for which the plan of a healthy specimen promises d of
-3, 5, 8 or 12 with the day. The promised d of a trial is that of its own plan for the size that is truly there; what
-came is d as the diagnosis has it, where it names the cause or tells it among the rivals. A cause is named where it is
-first or not told apart from what is; a place, where what is named is of its kind and at its place.
+A trial is a specimen with one hidden cause, three sessions (S1, S2, WLTP; of `--minutes` at most) as BLF, ingested and
+diagnosed; the day that `whyhot plan` proposes from them, not knowing the cause; that day run on the plant and logged;
+and the diagnosis of all four. Causes of the plant's catalogue go in turn, each of a size for which the plan of a
+healthy specimen promises d of 3, 5, 8 or 12 with the day; with `--hide` every motor hides that one. The promised d of a
+trial is that of its own plan for the size that is truly there; what came is d as the diagnosis has it, where it names
+the cause or tells it among the rivals. A cause is named where it is first or not told apart from what is; a place,
+where what is named is of its kind and at its place.
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ import json
 import math
 import sys
 import tempfile
-from argparse import Namespace
+from argparse import ArgumentParser, Namespace
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -64,13 +66,14 @@ CAUSES = (
 )
 AT = (3.0, 5.0, 8.0, 12.0)  # promised d that sizes are made for; each trial counts at the nearest
 WAYS = (("first", "class"), ("place",), ("wrong",))
-QUICK_S, QUICK_SPEEDS = 310.0, (0.5,)  # of each session; of the menu
+QUICK_MINUTES, QUICK_SPEEDS = 5.2, (0.5,)  # of each session; of the menu
 
 
 @dataclass(frozen=True)
 class Trial:
-    """A hidden cause with its `size`: `promised` d before the day and with it, `came` where the diagnosis tells it, and
-    what the diagnosis `said` before the day and after: "first", "class", "place", "wrong" or "silent"."""
+    """A hidden cause with its `size`: `promised` d before the day and with it, `came` where the diagnosis tells it,
+    what the diagnosis `said` before the day and after: "first", "class", "place", "wrong" or "silent", and how many
+    `false` names it gave then and then, right ones beside them or not."""
 
     seed: int
     cause: str
@@ -78,6 +81,7 @@ class Trial:
     promised: tuple[float, float]
     came: float | None
     said: tuple[str, str]
+    false: tuple[int, int]
 
     @property
     def named(self) -> tuple[bool, bool]:
@@ -88,22 +92,35 @@ class Trial:
 
 def main() -> None:
     """Run the trials; print and write what was promised and what came."""
-    args = arguments(__doc__, motors=(20, 1), first=(4000, 4000))
-    promises = healthy_promises(args)
+    words = parser(__doc__, motors=(20, 1), first=(4000, 4000))
+    words.add_argument("--hide", metavar=("CAUSE", "SIZE"), nargs=2, help="the one cause that every motor hides")
+    args = arguments(words)
+    if args.hide:
+        effects = [Effect(args.hide[0], float(args.hide[1]))] * args.motors
+    else:
+        promises = healthy_promises(args)
+        effects = [hidden(i, promises) for i in range(args.motors)]
     trials = []
-    for i in range(args.motors):
+    for seed, effect in enumerate(effects, args.first):
         with tempfile.TemporaryDirectory() as folder:
-            trials.append(trial(args.first + i, hidden(i, promises), args, Path(folder)))
+            trials.append(trial(seed, effect, args, Path(folder)))
         print(line(trials[-1]), flush=True)
     print("\n".join(table(trials)))
     asked.keep([asdict(one) for one in trials], args.json)
 
 
-def arguments(doc: str | None, **sizes: tuple[int, int]) -> Namespace:
-    """What a benchmark of plans is asked for; with `--quick` the menu of tests is short."""
-    parser = asked.parser(doc, **sizes)
-    parser.add_argument("--hours", metavar="H", type=float, default=0.6 if "--quick" in sys.argv else 4.0)
-    args = parser.parse_args()
+def parser(doc: str | None, **sizes: tuple[int, int]) -> ArgumentParser:
+    """What a benchmark of plans may be asked."""
+    words, quick = asked.parser(doc, **sizes), "--quick" in sys.argv
+    words.add_argument("--hours", metavar="H", type=float, default=0.6 if quick else 4.0, help="of the day")
+    says = "of each session at most"
+    words.add_argument("--minutes", metavar="M", type=float, default=QUICK_MINUTES if quick else np.inf, help=says)
+    return words
+
+
+def arguments(words: ArgumentParser) -> Namespace:
+    """What it is asked; with `--quick` the menu of tests is short."""
+    args = words.parse_args()
     if args.quick:
         courses.SPEEDS = QUICK_SPEEDS
     return args
@@ -142,12 +159,13 @@ def trial(seed: int, effect: Effect, args: Namespace, folder: Path) -> Trial:
         (before_day, with_day),
         came[0] if came else None,
         (_said(before, effect.cause), _said(after, effect.cause)),
+        (_false(before, effect.cause), _false(after, effect.cause)),
     )
 
 
 def recorded(folder: Path, plant: Plant, args: Namespace) -> list[str]:
     """The names of three sessions, run, logged and ingested."""
-    drives = [drive_of(plant, one, n).first(QUICK_S if args.quick else np.inf) for n, one in enumerate(LEARNT[:3])]
+    drives = [drive_of(plant, one, n).first(60.0 * args.minutes) for n, one in enumerate(LEARNT[:3])]
     logs = write_campaign(folder / "before", plant, sessions(plant, drives))
     _ingest(folder, logs)
     return [log.stem for log in logs]
@@ -192,9 +210,19 @@ def same(one: str, other: str) -> bool:
 
 def _said(answer: Mapping[str, Any], cause: str) -> str:
     """What the best of the names is of the cause: `first`, `class`, `place`, `wrong`; `silent` where there is none."""
-    of = {judged(one["id"], tuple(one["indistinguishable_from"]), cause) for one in answer["causes"]}
-    of |= {"wrong"} if answer["unknown"] else set()
+    of = _names(answer, cause)
     return next((said for said in ("first", "class", "place", "wrong") if said in of), "silent")
+
+
+def _false(answer: Mapping[str, Any], cause: str) -> int:
+    """How many of the names are of something else."""
+    return _names(answer, cause).count("wrong")
+
+
+def _names(answer: Mapping[str, Any], cause: str) -> list[str]:
+    """What each name is of the cause."""
+    of = [judged(one["id"], tuple(one["indistinguishable_from"]), cause) for one in answer["causes"]]
+    return [*of, *(["wrong"] if answer["unknown"] else [])]
 
 
 def line(one: Trial) -> str:
@@ -202,7 +230,8 @@ def line(one: Trial) -> str:
     came = "not told" if one.came is None else f"{one.came:.1f}"
     before, after = one.promised
     promised = f"promised {before:.1f}, with the day {after:.1f}"
-    return f"{one.seed} {one.cause} {one.size:.3g}: {promised}; came {came}; {' -> '.join(one.said)}"
+    false = f"false names {one.false[0]} -> {one.false[1]}"
+    return f"{one.seed} {one.cause} {one.size:.3g}: {promised}; came {came}; {' -> '.join(one.said)}; {false}"
 
 
 def table(trials: Sequence[Trial]) -> list[str]:
@@ -217,8 +246,14 @@ def table(trials: Sequence[Trial]) -> list[str]:
         ratio = f"{np.median(ratios):.2f}" if ratios else "-"
         shares = [f"{np.mean([one.said[1] in ways for one in own]):.0%}" if own else "-" for ways in WAYS]
         rows.append(f"{d:>10g} {len(own):>6} {ratio:>18} {shares[0]:>11} {shares[1]:>5} {shares[2]:>5}")
-    silent = [one for one in trials if not one.named[0]]
-    rows.append(f"silent before the day: {len(silent)}; of those named with it: {sum(one.named[1] for one in silent)}")
+    without = [one for one in trials if not one.named[0]]
+    silent = sum(one.said[0] == "silent" for one in trials)
+    named = sum(one.named[1] for one in without)
+    rows.append(
+        f"silent before the day: {silent}; not named before it: {len(without)}, of those named with it: {named}"
+    )
+    false = [sum(one.false[k] > 0 for one in trials) for k in range(2)]
+    rows.append(f"motors with a false name before the day: {false[0]}, with it: {false[1]}")
     return rows
 
 

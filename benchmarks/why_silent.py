@@ -26,7 +26,7 @@ sys.path[:] = [place for place in sys.path if Path(place) != HERE]  # else inges
 sys.path[:0] = [str(HERE.parent / "tests"), str(HERE.parent)]
 
 from benchmarks import asked
-from benchmarks.plan_power import amplitude, arguments, planned, recorded, same
+from benchmarks.plan_power import amplitude, arguments, parser, planned, recorded, same
 from plant import Effect, Plant
 from plant.effects import CATALOGUE
 
@@ -50,7 +50,7 @@ class Row:
 
 def main() -> None:
     """Plan for the motors; print and write the table."""
-    args = arguments(__doc__, motors=(5, 1), first=(4100, 4100))
+    args = arguments(parser(__doc__, motors=(5, 1), first=(4100, 4100)))
     plans = []
     for seed in range(args.first, args.first + args.motors):
         with tempfile.TemporaryDirectory() as folder:
