@@ -104,6 +104,14 @@ def valued(bench: Bench) -> list[ResolvedChannel]:
     ]
 
 
+def thermometers(bench: Bench, boundaries: Collection[str], regions: Mapping[str, str]) -> list[ResolvedChannel]:
+    """The channels of `bench` that observe temperatures, as they hold before there is any log; arguments as of
+    `resolve`."""
+    kinds = (channel for channel in bench.channels if channel.quantity == "temperature" and channel.value is None)
+    found = [_filled(channel, (Signal(channel.name),), channel.name, boundaries, regions) for channel in kinds]
+    return [channel for channel in found if channel.role == "observed"]
+
+
 def check_nodes(bench: Bench, nodes: Collection[str], boundaries: Collection[str]) -> None:
     """Raises BenchFileError for a node that the motor file does not have, and for a boundary among weights."""
     known = [*nodes, *boundaries]

@@ -1,20 +1,30 @@
-"""`whyhot plan --sessions S...`: what these sessions could find, and the bench day that would show most besides."""
+"""`whyhot plan --sessions S...`: what these sessions could find, and the bench day that would show most besides; with
+`--tests` of tests that have not been run."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from replay.cli.answer import Answer, provenance
 from replay.cli.asked import ask_level, asked, left_out
+
+if TYPE_CHECKING:
+    from replay.studies.planning.plan import Planned
 
 A_DAY_H = 6.0
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
+    what = parser.add_mutually_exclusive_group(required=True)
     says = "ids or names of recorded sessions: what they show, and what they leave silent"
-    parser.add_argument("--sessions", metavar="S", nargs="+", required=True, dest="on", help=says)
-    says = "model id, motor name or motor file (default: what the bench file names)"
+    what.add_argument("--sessions", metavar="S", nargs="+", dest="on", help=says)
+    says = "tests that have not been run, each as a CSV with the columns of --out; needs --bench and no store"
+    what.add_argument("--tests", metavar="FILE.csv", nargs="+", type=Path, help=says)
+    says = "with --tests: the bench file that says which sensors there are"
+    parser.add_argument("--bench", metavar="B", type=Path, help=says)
+    says = "model id, motor name or motor file (default: what the bench file names); with --tests a motor file"
     parser.add_argument("--motor", metavar="M", dest="model", help=says)
     ask_level(parser)
     says = f"bench hours that there are, rests included (default {A_DAY_H:g})"
@@ -44,12 +54,28 @@ def run(args: argparse.Namespace) -> Answer:
 
     if args.out and args.out.suffix != ".csv":
         args.refuse(f"--out writes a CSV: end {args.out} in .csv")
-    with asked(args, write=args.model is not None) as (store, known, model, sessions):
-        found = plan(store, known, sessions, model, args.level, args.hours, args.cause, tell)
-        left = left_out(store, known, sessions, found.model)
-        settings = {"level": args.level, "motor": args.model, "hours": args.hours, "cause": args.cause}
-        data = {**document(found), "notes": left, "provenance": provenance(store, **settings)}
+    if (args.tests is None) != (args.bench is None):
+        args.refuse("--tests and --bench go together: the bench file says which sensors the tests are read with")
+    settings = {"level": args.level, "motor": args.model, "hours": args.hours, "cause": args.cause}
+    if args.tests:
+        found, left, origin = _of_tests(args), [], provenance(None, **settings)
+    else:
+        with asked(args, write=args.model is not None) as (store, known, model, sessions):
+            found = plan(store, known, sessions, model, args.level, args.hours, args.cause, tell)
+            left, origin = left_out(store, known, sessions, found.model), provenance(store, **settings)
     if args.out:
         write_plan(found, args.out)
     written = [f"{args.out}   the day, a row a second"] if args.out else []
+    data = {**document(found), "notes": left, "provenance": origin}
     return Answer(data, plan_text(found), notes=[*left, *written])
+
+
+def _of_tests(args: argparse.Namespace) -> Planned:
+    from replay.cli.progress import tell
+    from replay.studies.planning.listed import read_listed
+    from replay.studies.planning.plan import plan_listed
+
+    if args.model and not args.model.endswith(".toml"):
+        args.refuse("with --tests --motor is a motor file (ends in .toml): no store is asked")
+    listed = read_listed(args.tests, args.bench, Path(args.model) if args.model else None)
+    return plan_listed(listed, args.level, args.hours, args.cause, tell)

@@ -17,6 +17,10 @@ from twin.planning.chain import Best
 from twin.planning.detectable import Detectable
 from twin.planning.limits import HOTTER_K
 
+UNMEASURED = (
+    "nothing was measured yet: what a healthy motor may do is as wide as the motor file says, noise as wide as before "
+    "any data. Readings make both narrower: plan again with --sessions once there are some."
+)
 HIDDEN = 10  # causes that are printed; all are in the JSON
 
 
@@ -34,6 +38,7 @@ def document(found: Planned) -> dict[str, Any]:
         "motor": found.network.name,
         "model": found.model,
         "sessions": [session.session for session in found.sessions],
+        "not_run": list(found.listed),
         "stands_out_d": STANDS_OUT,
         "candidates": [
             {
@@ -79,6 +84,8 @@ def _best(best: Best) -> list[dict[str, Any] | None]:
 def plan_text(found: Planned) -> str:
     """What `whyhot plan` prints. No colours, no trailing newline."""
     lines = labelled("Answer", answer(found))
+    if found.listed:
+        lines += labelled("Not run", UNMEASURED)
     lines += ["", *_hidden(found), "", *_chain(found)]
     lines += ["", *labelled("Heat", _heat(found))]
     if found.day.observed:
@@ -101,8 +108,8 @@ def answer(found: Planned) -> str:
 
 
 def _these(found: Planned) -> str:
-    count = len(found.sessions)
-    return "this session" if count == 1 else f"these {count} sessions"
+    what, count = ("test", len(found.listed)) if found.listed else ("session", len(found.sessions))
+    return f"this {what}" if count == 1 else f"these {count} {what}s"
 
 
 def _hours(found: Planned) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ingest.catalogue.channels import ChannelData, load
@@ -100,15 +100,21 @@ def campaign_of(question: Question) -> Campaign:
     motor = read_motor(question.store.archive.read(question.model), question.facts.models[question.model].file)
     network = configured(motor, None)
     loaded = [load(question.store, question.facts, session) for session in question.train]
-    observed, inputs = _channels(loaded, network, question.level)
+    asked = without_tests(network, loaded, question.level)
+    tests = tuple(
+        _test(question, session, network, asked.monomials, asked.candidates, own)
+        for session, own in zip(question.train, loaded, strict=True)
+    )
+    return replace(asked, tests=tests)
+
+
+def without_tests(network: Network, loaded: Sequence[Sequence[ChannelData]], level: str) -> Campaign:
+    """What may be the cause by these channels of sessions, which are no tests yet."""
+    observed, inputs = _channels(loaded, network, level)
     candidates = generate(network, observed, inputs)
     ripple = [RIPPLE] if "current" in [i.name for i in inputs] and "current" in network.scale else []
     monomials = tuple(dict.fromkeys([*added_monomials(candidates), *ripple]))
-    tests = tuple(
-        _test(question, session, network, monomials, candidates, own)
-        for session, own in zip(question.train, loaded, strict=True)
-    )
-    return Campaign(network, tests, candidates, monomials, observed, inputs, loaded)
+    return Campaign(network, (), candidates, monomials, observed, inputs, loaded)
 
 
 def _channels(

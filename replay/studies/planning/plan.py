@@ -1,4 +1,5 @@
-"""What stored sessions could show of every candidate cause, and the bench day that would show most besides."""
+"""What sessions, or tests that have not been run, could show of every candidate cause, and the bench day that would
+show most besides."""
 
 from __future__ import annotations
 
@@ -11,9 +12,11 @@ from ingest.facts.store import Store
 from replay.engine.files.bench_versions import with_bench_of
 from replay.studies.characterise.calibrate import common_model
 from replay.studies.diagnosis.healthy_fit import healthy_fit
-from replay.studies.diagnosis.question import Question, campaign_of, check
+from replay.studies.diagnosis.question import Campaign, Question, campaign_of, check
+from replay.studies.planning.listed import Listed, listed_campaign, unfitted
 from replay.studies.sessions.fitting import fitting
 from twin.diagnosis.refined import Tell
+from twin.fitting.fit import Fit
 from twin.motor.network import Network
 from twin.planning.chain import Day, plan_day
 from twin.planning.courses import BenchRange
@@ -22,12 +25,13 @@ from twin.planning.detectable import Prospect, prospect
 
 @dataclass(frozen=True)
 class Planned:
-    """What the sessions could show (`prospect`) and the next `day`; the motor's `network`, the `model` by its id, and
-    the `bench` as far as the sessions show it."""
+    """What the sessions, or the `listed` tests that have not been run, could show (`prospect`) and the next `day`; the
+    motor's `network`, the `model` by its id, and the `bench` as far as they show it."""
 
     network: Network
     model: str
     sessions: tuple[SessionRecorded, ...]
+    listed: tuple[str, ...]
     bench: BenchRange
     prospect: Prospect
     day: Day
@@ -56,8 +60,30 @@ def plan(
         campaign = campaign_of(Question(store, with_bench_of(facts, model), sessions, [], model, level))
         tell("fitting everything healthy")
         mode = healthy_fit(campaign, tell)
-        tell("weighing what the sessions show")
-        found = prospect(mode, campaign.candidates)
-        day = plan_day(found, hours, only, tell)
-        bench = BenchRange.of(campaign.network, campaign.tests)
-    return Planned(campaign.network, model, tuple(sessions), bench, found, day)
+        return _planned(campaign, mode, model, sessions, (), hours, only, tell)
+
+
+def plan_listed(listed: Listed, level: str, hours: float, only: Sequence[str], tell: Tell) -> Planned:
+    """As `plan`, with tests that have not been run in place of sessions: nothing is fitted, and everything that a
+    healthy motor may do is as wide as its prior. Raises ReplayDataError where no bench can run them, too."""
+    with fitting(f"plan with {listed.network.name}"):
+        campaign = listed_campaign(listed, level)
+        mode = unfitted(campaign)
+        return _planned(campaign, mode, listed.model, (), tuple(listed.tests), hours, only, tell)
+
+
+def _planned(
+    campaign: Campaign,
+    mode: Fit,
+    model: str,
+    sessions: Sequence[SessionRecorded],
+    listed: tuple[str, ...],
+    hours: float,
+    only: Sequence[str],
+    tell: Tell,
+) -> Planned:
+    tell("weighing what the sessions show")
+    found = prospect(mode, campaign.candidates)
+    day = plan_day(found, hours, only, tell)
+    bench = BenchRange.of(campaign.network, campaign.tests)
+    return Planned(campaign.network, model, tuple(sessions), listed, bench, found, day)

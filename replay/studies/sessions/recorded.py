@@ -3,7 +3,7 @@ rate."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -52,17 +52,33 @@ def test_of(
     Raises ReplayDataError where it lacks an input, or no channel of it observes a node.
     """
     channels = as_fed(session, load(store, facts, session) if loaded is None else loaded, network)
+    good = [found.good for found in quality.assess(channels)]
+    try:
+        hours = hours_of(store, facts, session, network)
+        test, frame = test_of_channels(session.name, session.kind, channels, good, network, wanted, level, hours)
+    except ReplayDataError as error:
+        raise ReplayDataError(f"session {session.name}: {error}") from None
+    test = replace(test, course=course_of(store, facts, session, laws))
+    return with_meters(test, frame, network, level) if meters else test
+
+
+def test_of_channels(
+    name: str,
+    kind: str,
+    channels: Sequence[ChannelData],
+    good: Sequence[NDArray[np.bool_]],
+    network: Network,
+    wanted: Sequence[Monomial],
+    level: str,
+    hours: Mapping[str, float],
+) -> tuple[Test, InputFrame]:
+    """As `test_of`, of channels with their `good` samples, without meters; and the frame. `hours`: features that are
+    one number. Raises ReplayDataError where an input lacks, or no channel observes a node."""
     own = monomials(network)
     single = [Monomial(((f, 1.0),)) for f in _single(network, channels)]
     every = tuple(dict.fromkeys([*own, *single, *wanted]))
-    good = [found.good for found in quality.assess(channels)]
-    try:
-        frame = frames.build(channels, good, network, every, STEP_S, hours_of(store, facts, session, network))
-    except ReplayDataError as error:
-        raise ReplayDataError(f"session {session.name}: {error}") from None
-    course = course_of(store, facts, session, laws)
-    test = replace(_test(session, frame, network, every, len(own), level), course=course)
-    return with_meters(test, frame, network, level) if meters else test
+    frame = frames.build(channels, good, network, every, STEP_S, hours)
+    return _test(name, kind, frame, network, every, len(own), level), frame
 
 
 def _single(network: Network, channels: Sequence[ChannelData]) -> list[str]:
@@ -76,7 +92,8 @@ def _single(network: Network, channels: Sequence[ChannelData]) -> list[str]:
 
 
 def _test(
-    session: SessionRecorded,
+    name: str,
+    kind: str,
     frame: InputFrame,
     network: Network,
     every: Sequence[Monomial],
@@ -88,15 +105,15 @@ def _test(
     seen = [o for o in frame.observations if level in ("testing", o.sensor.level) and o.good[:steps].any()]
     if not seen:
         raise ReplayDataError(
-            f"session {session.name}: no usable channel of level {level} observes a node of {network.name}: there is "
+            f"no usable channel of level {level} observes a node of {network.name}: there is "
             "nothing to learn from. Say node = ... in the bench file, or leave the session out."
         )
     named = {m.name: np.ascontiguousarray(frame.features[:steps, j]) for j, m in enumerate(every)}
     of_network = replace(frame, features=frame.features[:, :own])
     initial, sd = initial_temperatures(network, of_network, level)
     return Test(
-        name=session.name,
-        kind=session.kind,
+        name=name,
+        kind=kind,
         frame=Frame(STEP_S, np.ascontiguousarray(frame.features[:steps, :own]), frame.boundaries[:steps]),
         inputs={
             m.powers[0][0]: named[m.name]
