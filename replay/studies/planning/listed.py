@@ -27,7 +27,7 @@ from replay.errors import ReplayDataError
 from replay.studies.diagnosis.question import LEAST_S, Campaign, without_tests
 from replay.studies.sessions.recorded import STEP_S, test_of_channels
 from twin.differences.everyday import everyday
-from twin.errors import PlanError
+from twin.errors import DivergedError, PlanError
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
 from twin.fitting.model import Floats, Model, Test
 from twin.fitting.supposed import supposing
@@ -101,7 +101,10 @@ def _as_the_file_runs(network: Network, tests: Sequence[Test]) -> Iterator[Test]
     as_file = Model(network, tests, ())
     names = [node.name for node in network.nodes]
     for number, test in enumerate(tests):
-        run = as_file.course(number, np.zeros(0))[1]
+        try:
+            run = as_file.course(number, np.zeros(0))[1]
+        except DivergedError as error:
+            raise PlanError(f"{test.name}: {error}") from None
         _refuse_too_hot(network, test, run)
         channels = (replace(c, measured=run @ np.asarray(c.sensor.over(names))) for c in test.channels)
         yield replace(test, channels=tuple(channels))
