@@ -1,6 +1,6 @@
 """The tutorial is run as it stands, the complete files of the references are read, and refusals are worded as they
 say. As a script it writes the tutorial's logs into a folder, for a reader who wants to follow it: python
-tests/test_docs_run.py FOLDER
+tests/test_docs_run.py FOLDER; and plays a planned day in place of a bench: python tests/test_docs_run.py day.csv
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ingest.bench.bench_file import read_bench
 from ingest.bench.resolving import check_nodes, resolve
 from ingest.bench.signals import Signal
 from ingest.errors import IngestError
-from made import can_bench
+from made import can_bench, potted_servo
 from made.places import ROOT
 from replay.cli import main
 from replay.engine.files.motor_file import read_motor
@@ -30,9 +30,10 @@ from replay.errors import ReplayError
 
 DOCS = ROOT / "docs"
 LEFT_OUT = "..."
+PLAYED = "../.venv/bin/python ../tests/test_docs_run.py "  # a day, in place of a bench
 MAGNET_W = 60.0  # at full speed; the motor file of the tutorial says 30
 NOISE_K = 0.05
-SECONDS = 900
+SECONDS, SHORT_S = 900, 360
 
 
 def write_logs(folder: Path) -> None:
@@ -42,32 +43,67 @@ def write_logs(folder: Path) -> None:
     temperatures = _write_can(folder / "monday_am.blf", 1, can_bench.START)
     _write_power(folder / "monday_am_power.csv", 1, can_bench.START, temperatures)
     _write_can(folder / "monday_pm.asc", 2, can_bench.START + 7200, comes_off_at=600)
+    write_tuesday(folder)
+
+
+def write_tuesday(folder: Path) -> None:
+    """Three short runs with the winding potted."""
+    for number in range(3):
+        speed, current = (values[::10] for values in can_bench.drive(SHORT_S, 10 + number))
+        start = can_bench.START + 86_400 + 3600 * number
+        _write_potted(folder / f"tuesday_{number + 1}.blf", speed, current, np.full(SHORT_S, 30.0), 10 + number, start)
+
+
+def play(day: Path) -> Path:
+    """The log of a planned day on the potted motor, beside its file."""
+    log = day.with_name("thursday.blf")
+    _write_potted(log, *potted_servo.set_values(day), seed=20, start=can_bench.START + 3 * 86_400)
+    return log
+
+
+def _write_potted(
+    path: Path, speed: can_bench.Floats, current: can_bench.Floats, coolant: can_bench.Floats, seed: int, start: float
+) -> None:
+    """A log of the potted motor, everything at 1 Hz."""
+    true = potted_servo.truth(speed, current, coolant, MAGNET_W)
+    _log(path, start, speed, current, _read(np.column_stack([true, coolant]), seed), hz=1)
 
 
 def _write_can(path: Path, seed: int, start: float, comes_off_at: int = SECONDS) -> can_bench.Floats:
     """Drive at 10 Hz, temperatures at 1 Hz, and a counter of which no database knows; the true temperatures."""
-    database = cantools.database.can.Database()
-    database.add_dbc_string(can_bench.DBC)
     speed, current = can_bench.drive(SECONDS, seed)
     true = can_bench.truth(speed, current, 30.0, MAGNET_W)
-    read = np.column_stack([true, np.full(len(true), 30.0)])
-    read += np.random.default_rng(seed).normal(0.0, NOISE_K, read.shape)
+    read = _read(np.column_stack([true, np.full(len(true), 30.0)]), seed)
     read[comes_off_at:, 1] = read[comes_off_at, 1]
+    _log(path, start, speed, current, read, hz=10)
+    return true
+
+
+def _read(true: can_bench.Floats, seed: int) -> can_bench.Floats:
+    read: can_bench.Floats = true + np.random.default_rng(seed).normal(0.0, NOISE_K, true.shape)
+    return read
+
+
+def _log(
+    path: Path, start: float, speed: can_bench.Floats, current: can_bench.Floats, read: can_bench.Floats, hz: int
+) -> None:
+    """Drive at so many Hz, the four thermocouples each second."""
+    database = cantools.database.can.Database()
+    database.add_dbc_string(can_bench.DBC)
     with can.Logger(path) as log:
-        for k in range(10 * SECONDS):
+        for k in range(len(speed)):
             drive = {"MotorSpeed": speed[k], "MotorTorque": 0.8 * current[k], "PhaseCurrent": current[k]}
             frames = [(256, database.encode_message("Drive", drive, strict=False))]
-            if k % 10 == 0:
+            if k % hz == 0:
                 names = ("TC_winding", "TC_yoke", "TC_magnet", "TC_coolant")
-                temps = dict(zip(names, read[k // 10], strict=True))
-                frames += [(512, database.encode_message("Temps", temps, strict=False)), (768, bytes([k // 10 % 256]))]
+                temps = dict(zip(names, read[k // hz], strict=True))
+                frames += [(512, database.encode_message("Temps", temps, strict=False)), (768, bytes([k // hz % 256]))]
             for number, data in frames:
                 log.on_message_received(
                     can.Message(
-                        timestamp=start + 0.1 * k, arbitration_id=number, is_extended_id=False, data=data, channel=0
+                        timestamp=start + k / hz, arbitration_id=number, is_extended_id=False, data=data, channel=0
                     )
                 )
-    return true
 
 
 def _write_power(path: Path, seed: int, start: float, temperatures: can_bench.Floats) -> None:
@@ -180,6 +216,9 @@ def _commands(block: str) -> Iterator[tuple[str, list[str]]]:
 
 
 def _run(command: str) -> int:
+    if command.startswith(PLAYED):
+        print(play(Path(shlex.split(command)[-1])))
+        return 0
     if command.startswith("whyhot "):
         return main(shlex.split(command)[1:])
     other = subprocess.run(command, shell=True, check=False, stdout=subprocess.PIPE, text=True)
@@ -204,5 +243,9 @@ def _plain(line: str) -> str:
 
 
 if __name__ == "__main__":
-    Path(sys.argv[1]).mkdir(exist_ok=True)
-    write_logs(Path(sys.argv[1]))
+    given = Path(sys.argv[1])
+    if given.suffix == ".csv":
+        print(play(given))
+    else:
+        given.mkdir(exist_ok=True)
+        write_logs(given)
