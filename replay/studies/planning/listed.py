@@ -75,7 +75,7 @@ def read_listed(files: Sequence[Path], bench_file: Path, motor: Path | None) -> 
 
 def listed_campaign(listed: Listed, level: str) -> Campaign:
     """The tests as a plan takes sessions, their readings those of the file's own run. Raises ReplayDataError where a
-    test lacks what the motor file needs."""
+    test lacks what the motor file needs, `PlanError` where a limit or the model itself does not let it run."""
     loaded = [_channels(listed, name, columns) for name, columns in listed.tests.items()]
     asked = without_tests(listed.network, loaded, level)
     hours = {f: 0.0 for m in monomials(listed.network) for f in m.features if quantity(f) is None}
@@ -91,7 +91,7 @@ def listed_campaign(listed: Listed, level: str) -> Campaign:
 
 
 def unfitted(campaign: Campaign) -> Fit:
-    """The healthy motor as its file has it: nothing was measured. Raises `PlanError` where a test cannot be run."""
+    """The healthy motor as its file has it: nothing was measured."""
     model = supposing(Model(campaign.network, campaign.tests, everyday(campaign.network, campaign.tests)))
     return fit(model, np.zeros(len(model.parameters)), NEAR_ENOUGH, linearisations=1)
 
