@@ -3,7 +3,8 @@
 The motor is calibrated under broad noise, then under fitted noise. Every candidate is scored with all else integrated
 out; where a free heat at one node explains more than any of them, nothing is named. Else the leading ones are refitted
 in full, and the one that leads at the file's own values, from there; the best enters where it beats the threshold, and
-at the end every one that entered is left out once.
+at the end every one that entered is left out once. Where none is left and a free heat beats the threshold, the cause is
+unknown: what candidates seemed to explain no longer stands against it.
 
 Where what is left is no larger than a lumped model's own error, evidence judges alone: a session left out is another
 kind of test, which any freer law helps. Where it is far above that, the file's form is wrong, and the same samples that
@@ -72,9 +73,17 @@ class Naming:
 
     @property
     def is_unknown(self) -> bool:
-        """Whether a heat of any course explains more than every candidate before refits, or only patchwork fits."""
-        linear = float(self.rounds[0].scores.log_bayes_factor.max(initial=0.0))
-        return bool(self.patchwork) or self.log_bf_unknown > max(self.threshold, linear)
+        """Whether a heat of any course explains more than every candidate that came to anything (`best`), or only
+        patchwork fits."""
+        return bool(self.patchwork) or self.log_bf_unknown > max(self.threshold, self.best)
+
+    @property
+    def best(self) -> float:
+        """The highest ln BF of a candidate by its linear score; 0 where leading ones were refitted and none was let
+        in, for what they seemed to explain stands against them."""
+        if self.rounds[0].refits and not self.accepted:
+            return 0.0
+        return float(self.rounds[0].scores.log_bayes_factor.max(initial=0.0))
 
     @property
     def log_bf_unknown(self) -> float:

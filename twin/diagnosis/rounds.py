@@ -263,7 +263,7 @@ def refitted(current: Fit, candidate: Candidate, parameter: Parameter, start: Fl
             inside = 1e-3 * parameter.sd if parameter.low == 0.0 else 0.0
             start = np.append(beta, amplitude or inside)
         found = fit(current.model.plus([parameter]), start, NEAR_ENOUGH, FIRST_LINEARISATIONS)
-    except (DivergedError, np.linalg.LinAlgError):
+    except DivergedError:
         return None
     return compared(found, current, candidate, parameter, len(found.beta) - 1)
 

@@ -20,7 +20,7 @@ from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from twin.errors import DivergedError
 from twin.fitting.model import Columns, Model
@@ -84,7 +84,8 @@ class Fit:
 
 
 def fit(model: Model, start: Floats, enough: float = ENOUGH, linearisations: int = LINEARISATIONS) -> Fit:
-    """Search from `start`. Raises `DivergedError` where the run from there leaves the finite numbers."""
+    """Search from `start`. Raises `DivergedError` where the run from there leaves the finite numbers, or is so near it
+    that a reading moves without measure with a parameter."""
     here, used, damping = _about(model, start.copy()), 1, FIRST_DAMPING
     while True:
         left = here.promised(here.step(0.0))
@@ -167,7 +168,7 @@ class _About:
         while True:
             free = ~held
             right = self.slope[free] - damped[np.ix_(free, held)] @ step[held]
-            step[free] = cho_solve(cho_factor(damped[np.ix_(free, free)]), right)
+            step[free] = cho_solve(_factor(damped[np.ix_(free, free)]), right)
             over, under = free & (beta + step > model.high), free & (beta + step < model.low)
             if not (over.any() or under.any()):
                 return step
@@ -186,7 +187,7 @@ class _About:
         for part, own, before, series in zip(self.parts, self.white, self.residuals, ahead, strict=True):
             after = self.model.whitened(series, series.y[:, None])[:, 0]
             right[part.at] += own.T @ (2 / PROBE * ((after - before) / PROBE + own @ step[part.at]))
-        bend: Floats = cho_solve(cho_factor(self.damped(damping)), right) / 2
+        bend: Floats = cho_solve(_factor(self.damped(damping)), right) / 2
         return bend
 
     def straight(self, step: Floats, bend: Floats, damping: float) -> float:
@@ -210,6 +211,19 @@ class _About:
         for part, own, residual in zip(self.parts, self.white, residuals, strict=True):
             slope[part.at] += own.T @ residual
         return replace(self, beta=beta, cost=cost, slope=slope, residuals=residuals)
+
+
+def _factor(hessian: Floats) -> tuple[Floats, bool]:
+    """The Cholesky factor, for `cho_solve`. A Hessian holds every prior, and so has one, but where columns are so large
+    that the priors are lost in their rounding."""
+    try:
+        factor: tuple[Floats, bool] = cho_factor(hessian)
+    except LinAlgError as error:
+        raise DivergedError(
+            f"the twin all but runs away: {len(hessian)} parameters move its readings so much that no step can be"
+            " worked out from there"
+        ) from error
+    return factor
 
 
 def _about(model: Model, beta: Floats) -> _About:

@@ -179,6 +179,17 @@ def test_patchwork_is_no_name(monkeypatch: pytest.MonkeyPatch) -> None:
     assert found.final is found.rounds[0].base
 
 
+def test_a_heat_that_no_candidate_holds_against_is_unknown(hidden: list[Naming]) -> None:
+    """Behind the best candidate it is none; where candidates were refitted and none let in, it is."""
+    found = hidden[0]
+    behind = replace(found.heats[0], log_bayes_factor=found.best - 1.0)
+    assert behind.log_bayes_factor > found.threshold, "for this test: a heat that is worth telling"
+    assert not replace(found, heats=(behind,)).is_unknown
+    assert replace(found, heats=(behind,), accepted=()).is_unknown
+    weak = replace(behind, log_bayes_factor=found.threshold)
+    assert not replace(found, heats=(weak,), accepted=()).is_unknown
+
+
 def test_a_candidate_without_a_finite_column_is_dropped_and_said(calibrated: Fit) -> None:
     """Its heat is not a number somewhere: the others are scored as if it were not there."""
     model = calibrated.model

@@ -204,3 +204,12 @@ def test_a_sensor_that_reads_too_much_takes_the_start_that_it_measured_along() -
             evidence[name, len(more)] = fit(model, np.zeros(len(model.parameters))).log_evidence
     gain = {name: evidence[name, 1] - evidence[name, 0] for name in ("apart", "together")}
     assert gain["together"] > gain["apart"] + 3.0
+
+
+def test_readings_that_move_without_measure_are_a_run_that_diverges() -> None:
+    """Two parameters that do the same, with priors that vanish in the rounding of what they do."""
+    test = recorded(every_law(), smooth(600.0), INITIAL, seed=1)
+    twice = [Parameter(name, sensor_laws.Bias("W_1"), 1e12) for name in ("once", "again")]
+    model = Model(every_law(), [test], twice, QUIET)
+    with pytest.raises(DivergedError, match="2 parameters move its readings so much"):
+        fit(model, np.zeros(2))
