@@ -6,6 +6,7 @@ A candidate cause is tested beyond these; what is left out here is found as a "c
 from __future__ import annotations
 
 import math
+from collections import Counter, defaultdict
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from typing import TypeVar
 
@@ -43,7 +44,7 @@ def everyday(network: Network, tests: Sequence[Test]) -> tuple[Parameter, ...]:
     """The parameters of a healthy motor on these tests."""
     return (
         *laws(network),
-        *_common(network),
+        *both_sides(network),
         *_exponents(network),
         *_film_slopes(network, tests),
         *_maps(network, tests),
@@ -96,29 +97,41 @@ def laws(network: Network) -> Iterator[Parameter]:
         yield Parameter(f"capacity.{node.name}", actions.Capacity((i,)), node.sd, low=-BOUND, high=BOUND)
 
 
-def _common(network: Network) -> Iterator[Parameter]:
-    """One factor for what stands on both sides of a motor: a file that is wrong of one side is wrong of the other."""
+def both_sides(network: Network) -> Iterator[Parameter]:
+    """One factor for each law that stands on both sides of a motor: a file that is wrong of one side is wrong of the
+    other, whatever else it says of one of them."""
     links, sources = terms_of(network)
-    sd = [term.sd for term in features.terms(network)]
+    every = list(features.terms(network))
     conductances = {name: [links[m] for m in members] for name, members in alike_links(network).items()}
     losses = {name: [sources[m] for m in members] for name, members in alike_sources(network).items()}
     for kind, places in (("conductance", conductances), ("loss", losses)):
-        for name, own in places.items():
-            for k, both in enumerate(zip(*own, strict=True)):
-                if len(both) > 1:
-                    wide = ALIKE * sd[both[0]]
-                    yield Parameter(f"{kind}.{name}.both{k}", actions.Scale(both), wide, low=-BOTH, high=BOTH)
+        for name, sides in places.items():
+            for k, both in enumerate(own for own in _by_law(every, sides) if len(own) > 1):
+                wide = ALIKE * every[both[0]].sd
+                yield Parameter(f"{kind}.{name}.both{k}", actions.Scale(both), wide, low=-BOTH, high=BOTH)
+
+
+def _by_law(every: Sequence[Term], sides: Sequence[Sequence[int]]) -> list[tuple[int, ...]]:
+    """The terms of each law, one of every side that has it; what a side has twice pairs with the other's second."""
+    found: defaultdict[tuple[object, int], list[int]] = defaultdict(list)
+    for side in sides:
+        times: Counter[object] = Counter()
+        for i in side:
+            law = _form(every[i])
+            found[law, times[law]].append(i)
+            times[law] += 1
+    return [tuple(own) for own in found.values()]
 
 
 def alike_links(network: Network) -> dict[str, tuple[tuple[str, str], ...]]:
-    """Every link once, with the one that mirrors it where both have laws of one form: name -> links."""
+    """Every link once, with the one that mirrors it where both have a law of one form: name -> links."""
     laws = {(link.a, link.b): [_form(term) for term in link.terms] for link in network.links}
     named = [(name, tuple((a, b) for a, b in places)) for name, places in links_with_groups(network, list(laws))]
     return _alike(named, laws)
 
 
 def alike_sources(network: Network) -> dict[str, tuple[str, ...]]:
-    """Every source once, with its twin where both have laws of one form: name -> nodes."""
+    """Every source once, with its twin where both have a law of one form: name -> nodes."""
     laws = {source.node: [_form(term) for term in source.terms] for source in network.sources}
     singles: list[tuple[str, tuple[str, ...]]] = [(node, (node,)) for node in laws]
     return _alike([*singles, *groups(laws).items()], laws)
@@ -127,11 +140,11 @@ def alike_sources(network: Network) -> dict[str, tuple[str, ...]]:
 K = TypeVar("K", bound=Hashable)
 
 
-def _alike(named: Sequence[tuple[str, tuple[K, ...]]], laws: Mapping[K, object]) -> dict[str, tuple[K, ...]]:
+def _alike(named: Sequence[tuple[str, tuple[K, ...]]], laws: Mapping[K, Sequence[object]]) -> dict[str, tuple[K, ...]]:
     found: dict[str, tuple[K, ...]] = {}
     taken: set[K] = set()
     for name, members in sorted(named, key=lambda one: -len(one[1])):
-        if not taken & set(members) and all(laws[m] == laws[members[0]] for m in members):
+        if not taken & set(members) and set(laws[members[0]]).intersection(*(laws[m] for m in members)):
             found[name] = members
             taken |= set(members)
     return found
@@ -146,7 +159,7 @@ def _exponents(network: Network) -> Iterator[Parameter]:
     links, _ = terms_of(network)
     terms = list(features.terms(network))
     for name, members in alike_links(network).items():
-        for both in zip(*(links[m] for m in members), strict=True):
+        for both in _by_law(terms, [links[m] for m in members]):
             for feature, exponent in terms[both[0]].exponents.items():
                 if not feature.startswith("hours") and exponent:
                     power, sd = actions.Power(both, feature), EXPONENT_SHARE * abs(exponent)

@@ -14,6 +14,7 @@ from made.motor import CHANNELS, every_law, pulses, recorded
 from twin.differences.everyday import (
     alike_links,
     alike_sources,
+    both_sides,
     everyday,
     largest_conductance,
     mean_conductances,
@@ -21,7 +22,7 @@ from twin.differences.everyday import (
     of_test,
 )
 from twin.fitting import actions
-from twin.fitting.actions import Parameter
+from twin.fitting.actions import Parameter, Scale
 from twin.fitting.model import Model, Test
 from twin.motor import sensor_laws
 from twin.motor.features import Monomial, monomial, terms
@@ -167,4 +168,24 @@ def test_both_sides_of_a_motor_are_off_together_where_their_laws_are_of_one_form
         "end-air": (("end_a", "air_a"), ("end_b", "air_b")),
         "winding-coolant": (("winding", "coolant"),),
     }
-    assert alike_sources(two_sided()) == {"winding": ("winding",), "end_a": ("end_a",), "end_b": ("end_b",)}
+    assert alike_sources(two_sided()) == {"end": ("end_a", "end_b"), "winding": ("winding",)}
+    assert _together(two_sided()) == {
+        "conductance.winding-end.both0": [Term(5.0)] * 2,
+        "conductance.end-air.both0": [Term(1.0)] * 2,
+        "conductance.end-air.both1": [Term(2.0, {"speed": 0.7})] * 2,
+        "loss.end.both0": [Term(300.0, {"current": 2.0}, copper=True)] * 2,
+    }
+
+
+def test_a_law_that_one_side_has_more_leaves_the_others_together() -> None:
+    more = Link("end_a", "air_a", (Term(2.0, {"speed": 0.7}), Term(0.5, {"flow": 0.5}), Term(1.0)))
+    links = tuple(more if link.a == "end_a" else link for link in two_sided().links)
+    network = replace(two_sided(), links=links)
+    together = [own for name, own in _together(network).items() if name.startswith("conductance.end-air")]
+    assert together == [[Term(2.0, {"speed": 0.7})] * 2, [Term(1.0)] * 2]
+
+
+def _together(network: Network) -> dict[str, list[Term]]:
+    """The terms that one factor of both sides moves."""
+    laws = list(terms(network))
+    return {p.name: [laws[i] for i in p.action.terms] for p in both_sides(network) if isinstance(p.action, Scale)}
