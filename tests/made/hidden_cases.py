@@ -26,7 +26,7 @@ from replay.studies.characterise.calibrate import common_model
 from replay.studies.diagnosis.data_faults import data_faults
 from replay.studies.diagnosis.question import Campaign, Question, campaign_of
 from twin.diagnosis.naming import search
-from twin.diagnosis.rounds import THRESHOLD
+from twin.diagnosis.rounds import EVIDENT, THRESHOLD
 from twin.diagnosis.swaps import scan
 from twin.diagnosis.told_apart import told_apart
 from twin.differences.everyday import everyday
@@ -97,7 +97,7 @@ def diagnosed(case: Case) -> Answer:
 
 def _fault(campaign: Campaign, model: Model) -> Answer:
     current = fit(model, np.zeros(len(model.parameters)), enough=NEAR_ENOUGH)
-    found = data_faults(current, campaign.loaded, campaign.observed, THRESHOLD)
+    found = data_faults(current, campaign.loaded, campaign.observed, EVIDENT)
     return Answer(str(found[0].cause), log_bf=found[0].log_bayes_factor) if found else Answer("")
 
 
@@ -106,7 +106,7 @@ def _first_term(campaign: Campaign, model: Model) -> Answer:
     naming = search(model, campaign.candidates, threshold=np.inf)
     found, heat = naming.rounds[0], naming.heats[0].log_bayes_factor
     leading = tuple((str(r.candidate.cause), r.log_bayes_factor) for r in found.refits)
-    if heat > max(THRESHOLD, float(found.scores.log_bayes_factor.max())):
+    if heat > max(EVIDENT, float(found.scores.log_bayes_factor.max())):
         return Answer("unknown", log_bf=heat, leading=leading)
     best = found.best
     if best is None or best.log_bayes_factor <= max(THRESHOLD, found.null):

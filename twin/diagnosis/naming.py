@@ -25,6 +25,7 @@ from twin.diagnosis.patchwork import Survivor, is_patchwork
 from twin.diagnosis.posterior_mode import is_wrong_in_form
 from twin.diagnosis.refined import Tell, calibrated, refined
 from twin.diagnosis.rounds import (
+    EVIDENT,
     REFIT_LINEARISATIONS,
     THRESHOLD,
     Refit,
@@ -75,7 +76,7 @@ class Naming:
     def is_unknown(self) -> bool:
         """Whether a heat of any course explains more than every candidate that came to anything (`best`), or only
         patchwork fits."""
-        return bool(self.patchwork) or self.log_bf_unknown > max(self.threshold, self.best)
+        return bool(self.patchwork) or self.log_bf_unknown > max(EVIDENT, self.best)
 
     @property
     def best(self) -> float:
@@ -92,19 +93,22 @@ class Naming:
 
 
 def search(
-    model: Model, candidates: Sequence[Candidate], tell: Tell = lambda _: None, threshold: float = THRESHOLD
+    model: Model, candidates: Sequence[Candidate], tell: Tell = lambda _: None, threshold: float | None = None
 ) -> Naming:
-    """Find the terms. Raises `DivergedError` where the model itself runs away."""
+    """Find the terms. `threshold`: the ln BF that each must exceed, if not THRESHOLD, or EVIDENT where sessions left
+    out judge. Raises `DivergedError` where the model itself runs away."""
     tell("calibrating")
     current = calibrated(model, candidates, tell)
     tell("scoring")
     first = scored(current, candidates)
     tell("looking for heat that no candidate explains")
     wrong = is_wrong_in_form(current.model)
-    found = Naming((first,), (), (), current, free_heats(current), threshold, wrong_in_form=wrong)
+    found = Naming((first,), (), (), current, free_heats(current), THRESHOLD, wrong_in_form=wrong)
+    judging = found.judged
+    threshold = (EVIDENT if judging else THRESHOLD) if threshold is None else threshold
+    found = replace(found, threshold=threshold)
     if found.is_unknown:
         return found
-    judging = found.judged
     most = 1 if found.few_sessions else len(candidates) if judging else MOST_TERMS
     first = with_refits(first, tell, uncalibrated(current, len(model.parameters)), judging)
     rounds = [first]

@@ -26,7 +26,8 @@ from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
 from twin.fitting.model import Floats
 from twin.motor.sensor_laws import Misreading
 
-THRESHOLD = 6.0  # ln BF that a term must exceed; healthy motors of another form set it (benchmarks/trials.py)
+THRESHOLD = 12.0  # ln BF that a term must exceed by evidence alone: healthy motors of another form come up to it
+EVIDENT = 6.0  # ln BF of what else is looked for: a heat that has no name, a term that sessions left out ask for too
 REFITTED, WORTH_REFITTING = 5, 4.0  # how many, and from which linear ln BF on
 ASKED_ABOUT = 8  # of them, where sessions left out judge
 FAR_BEHIND = 10.0  # behind the leading one in linear ln BF: not refitted
@@ -121,7 +122,7 @@ class Round:
             return Against.ONE
         if not refit.left_out.mean_K() < self.left_out.mean_K():
             return Against.NO_NEARER
-        return None if said.sum() > THRESHOLD else Against.TOO_LITTLE
+        return None if said.sum() > EVIDENT else Against.TOO_LITTLE
 
     def forget(self) -> None:
         """Let the columns of all fits but the best go: nothing follows from those."""
@@ -218,7 +219,7 @@ def judged(found: Round) -> Round:
     """The round with what sessions left out say of its base and of every refit that evidence would let in."""
 
     def said(refit: Refit) -> Refit:
-        if refit.log_bayes_factor <= THRESHOLD:
+        if refit.log_bayes_factor <= EVIDENT:
             return refit
         reading = len(refit.fit.beta) - 1 if isinstance(refit.parameter.action, Misreading) else None
         return replace(refit, left_out=left_out(refit.fit, reading))

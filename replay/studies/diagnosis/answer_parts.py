@@ -17,7 +17,7 @@ from twin.calibration.learned import size, term_of
 from twin.diagnosis.free_heats import Unknown
 from twin.diagnosis.in_words import Plain
 from twin.diagnosis.naming import ENOUGH_SESSIONS, MOST_TERMS, Naming
-from twin.diagnosis.rounds import THRESHOLD, Against, Refit, Round
+from twin.diagnosis.rounds import EVIDENT, Against, Refit, Round
 from twin.diagnosis.told_apart import separating_test, telling_test, told_apart
 from twin.differences.candidates import Candidate
 from twin.differences.proposals import at_one
@@ -239,7 +239,7 @@ def _said_by_sessions(one: Round, refit: Refit) -> str:
             ruler = ", against readings as recorded" * isinstance(refit.parameter.action, Misreading)
             return f"sessions left out are no nearer with it ({errors}{ruler})"
         case Against.TOO_LITTLE:
-            return f"sessions left out ask for it by {said.sum():.1f} in ln density, and {THRESHOLD:.0f} is needed"
+            return f"sessions left out ask for it by {said.sum():.1f} in ln density, and {EVIDENT:.0f} is needed"
         case None:
             assert one.best is not None, "this one holds"
             ahead = one.gained(one.best).sum() - said.sum()

@@ -8,6 +8,7 @@ from replay.studies.diagnosis.answer import Unusual
 from twin.diagnosis.findings import Elsewhere, Findings, Moved, Wide, findings
 from twin.diagnosis.in_words import Plain
 from twin.diagnosis.naming import Naming
+from twin.diagnosis.rounds import EVIDENT
 from twin.differences.everyday import everyday
 from twin.fitting.fit import Fit
 from twin.motor.causes import place_words
@@ -17,7 +18,7 @@ def beyond_usual(naming: Naming, train: Sequence[str]) -> list[Unusual]:
     """What is unusual in the first fit, and in the one with the causes where there are any. `train`: the ids of the
     sessions learnt from."""
     fits = {"before": naming.rounds[0].base} | ({"after": naming.final} if naming.accepted else {})
-    return [one for when, fit in fits.items() for one in _of(fit, when, train, naming.threshold)]
+    return [one for when, fit in fits.items() for one in _of(fit, when, train, EVIDENT)]
 
 
 def _of(fit: Fit, when: str, train: Sequence[str], threshold: float) -> Iterator[Unusual]:

@@ -39,6 +39,7 @@ from replay.studies.diagnosis.search import find
 from replay.studies.diagnosis.two_models import two_models
 from replay.studies.sessions.fitting import fitting
 from twin.diagnosis.refined import Tell
+from twin.diagnosis.rounds import EVIDENT
 from twin.diagnosis.swaps import misread, scan
 from twin.differences.everyday import everyday
 from twin.fitting.model import Model
@@ -102,7 +103,7 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
         if kept.improved and files.why_none is not None and "after" not in files.files:
             kept = replace(kept, improved=False, why=f"no file is offered: {files.why_none}")
     tell("weighing the data's own faults")
-    faults = data_faults(naming.final, campaign.loaded, campaign.observed, naming.threshold)
+    faults = data_faults(naming.final, campaign.loaded, campaign.observed, EVIDENT)
     causes = [named(naming, refit, question.train, kept) for refit in naming.accepted]
     causes += [named_swap(swap, kept) for swap in swaps]
     causes += [named_fault(fault, kept) for fault in faults]

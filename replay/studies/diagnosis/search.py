@@ -13,7 +13,7 @@ from twin.diagnosis.free_heats import Unknown, describe, free_heats
 from twin.diagnosis.naming import Naming, search, without_term
 from twin.diagnosis.patchwork import nodes_of
 from twin.diagnosis.refined import Tell
-from twin.diagnosis.rounds import Refit
+from twin.diagnosis.rounds import EVIDENT, Refit
 from twin.diagnosis.swaps import Swap, exchanged
 from twin.diagnosis.unknown import FreeHeat
 from twin.differences.everyday import everyday
@@ -86,7 +86,7 @@ def _unknown(naming: Naming) -> list[Unknown]:
             left = free_heats(naming.final)[0]
         except DivergedError:  # terms that grow with temperature, held just below where they run away
             return []
-        if left.log_bayes_factor > naming.threshold:
+        if left.log_bayes_factor > EVIDENT:
             return [describe(naming.final, left)]
     return []
 

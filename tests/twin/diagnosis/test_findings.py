@@ -14,7 +14,7 @@ from made.motor import every_law, pulses, recorded, rotor_unread, with_copper_lo
 from twin.diagnosis.findings import FAR, Findings, findings, log_evidence
 from twin.diagnosis.in_words import Plain
 from twin.diagnosis.refined import refined
-from twin.diagnosis.rounds import THRESHOLD
+from twin.diagnosis.rounds import EVIDENT
 from twin.differences.everyday import everyday
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
@@ -44,7 +44,7 @@ def _of(true: Network, most: float = np.inf) -> Findings:
     current = refined(
         fit(Model(every_law(), tests, stated), np.zeros(len(stated)), NEAR_ENOUGH), (), stated, lambda _: None
     )
-    return findings(current, stated, THRESHOLD)
+    return findings(current, stated, EVIDENT)
 
 
 def _with_film(factor: float) -> Network:
@@ -118,7 +118,7 @@ def test_an_iron_loss_of_another_form_is_told_as_a_family_and_where_it_bends_mos
     assert {Plain(every_law()).group(one) for one in members} == {"form of the losses in iron"}
     assert len(members) == 10, "all of the family"
     assert 2 < wide.times < 6
-    assert wide.log_evidence > THRESHOLD
+    assert wide.log_evidence > EVIDENT
     assert {says for says, _ in _says(iron)} == {
         f"how the loss in yoke follows current near {rpm} rpm" for rpm in ("2,494", "7,481", "9,975")
     }
@@ -154,7 +154,7 @@ def test_a_node_without_a_sensor_that_is_far_from_what_the_file_says_is_found() 
         tests = [rotor_unread(recorded(network, pulses(800.0, s), INITIAL, true=true, seed=s)) for s in range(2)]
         stated = (Parameter("loss of the magnet", actions.Scale((12,)), 3.0),)
         current = fit(supposing(Model(network, tests, stated)), np.zeros(1))
-        found = findings(current, stated, THRESHOLD).elsewhere
+        found = findings(current, stated, EVIDENT).elsewhere
         assert [one.node for one in found] == (["magnet"] if hotter else [])
         for one in found:
             supposed = next(c for c in current.model.tests[one.test].supposed if c.sensor.node == one.node)

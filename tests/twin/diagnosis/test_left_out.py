@@ -108,7 +108,7 @@ def test_the_log_score_is_the_density_under_what_the_others_leave_open(found: Fi
 def test_sessions_left_out_ask_for_what_is_there(said: Round) -> None:
     best = said.best
     assert best is not None and str(best.candidate.cause) == HIDDEN
-    assert said.gained(best).sum() > rounds.THRESHOLD and said.holds(best)
+    assert said.gained(best).sum() > rounds.EVIDENT and said.holds(best)
     assert best.left_out is not None and said.left_out is not None
     assert best.left_out.mean_K() < said.left_out.mean_K()
 
@@ -119,7 +119,7 @@ def test_one_session_against_it_or_a_larger_error_keeps_a_term_out(said: Round) 
     spoilt = best.left_out.log_scores.copy()
     spoilt[2] = said.left_out.log_scores[2] - 3.1  # ln 20 is 3.0
     against = replace(best, left_out=replace(best.left_out, log_scores=spoilt))
-    assert said.gained(against).sum() > rounds.THRESHOLD and not said.holds(against)
+    assert said.gained(against).sum() > rounds.EVIDENT and not said.holds(against)
     further = {channel: errors + 5.0 for channel, errors in best.left_out.errors_K.items()}
     assert not said.holds(replace(best, left_out=replace(best.left_out, errors_K=further)))
     assert not said.holds(replace(best, left_out=None)), "evidence did not let it in"
@@ -165,7 +165,7 @@ def test_means_are_over_the_sessions_that_have_a_channel() -> None:
 
 def test_only_what_evidence_would_let_in_is_judged(said: Round) -> None:
     for refit in said.refits:
-        assert (refit.left_out is None) == (refit.log_bayes_factor <= rounds.THRESHOLD)
+        assert (refit.left_out is None) == (refit.log_bayes_factor <= rounds.EVIDENT)
     again = judged(replace(said, refits=said.refits[:1]))
     assert again.left_out is not None and said.left_out is not None
     np.testing.assert_array_equal(again.left_out.log_scores, said.left_out.log_scores)

@@ -183,10 +183,10 @@ def test_a_heat_that_no_candidate_holds_against_is_unknown(hidden: list[Naming])
     """Behind the best candidate it is none; where candidates were refitted and none let in, it is."""
     found = hidden[0]
     behind = replace(found.heats[0], log_bayes_factor=found.best - 1.0)
-    assert behind.log_bayes_factor > found.threshold, "for this test: a heat that is worth telling"
+    assert behind.log_bayes_factor > rounds.EVIDENT, "for this test: a heat that is worth telling"
     assert not replace(found, heats=(behind,)).is_unknown
     assert replace(found, heats=(behind,), accepted=()).is_unknown
-    weak = replace(behind, log_bayes_factor=found.threshold)
+    weak = replace(behind, log_bayes_factor=rounds.EVIDENT)
     assert not replace(found, heats=(weak,), accepted=()).is_unknown
 
 
