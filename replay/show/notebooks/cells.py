@@ -13,6 +13,7 @@ import marimo as mo
 import pyarrow as pa
 
 from ingest.errors import IngestError
+from ingest.texts.plain import plain
 from replay.show.words import words
 from replay.show.words.onward import DEFAULT_STORE
 
@@ -94,14 +95,14 @@ def connected() -> tuple[str, Any]:
     except (IngestError, AnalyticsError) as error:
         if mo.running_in_notebook():
             raise mo.MarimoStopError(mo.callout(str(error), kind="danger")) from None
-        print(error, file=sys.stderr)
+        print(plain(str(error)), file=sys.stderr)
         sys.exit(2)
 
 
 def answered(lines: Sequence[str]) -> mo.Html:
     """The answer; a script prints it, and nothing else."""
     if mo.app_meta().mode == "script":
-        print("\n".join(lines))
+        print(plain("\n".join(lines)))
     return mo.md("## Answer\n\n" + "\n".join(f"- {line}" for line in lines))
 
 

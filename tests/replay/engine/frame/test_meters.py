@@ -197,5 +197,5 @@ def test_the_terminal_and_the_report_say_heat_meters_and_derating(
     page = tmp_path / "report.html"
     assert main(["report", "1_run", "--store", str(bench / "store"), "--out", str(page)]) == 0
     html = page.read_text(encoding="utf-8")
-    for said in ("Where the heat comes from, and where it goes", "Other meters", "Derating", "limit 60 °C"):
+    for said in ("W of heat on average: ", "Other meters", "Derating", "limit 60 °C"):
         assert said in html

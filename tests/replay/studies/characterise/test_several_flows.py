@@ -196,8 +196,8 @@ def test_a_protocol_runs_with_two_flows(store: Path) -> None:
 def test_a_diagnosis_names_which_of_two_flows_is_wrong(tmp_path: Path) -> None:
     bench = HEAD + TEMPERATURES + derived("flow_jacket", "Fj") + derived("flow_oil", "2 * Fo")
     motor = MOTOR.replace("coefficient = 8.0", "coefficient = 16.0")
-    store = ingested(tmp_path, bench, motor, ("s1", "s2"))
-    answer = said(store, "diagnose", "--on", "1_s1", "2_s2")
+    store = ingested(tmp_path, bench, motor, ("s1", "s2", "wltp"))
+    answer = said(store, "diagnose", "--on", "1_s1", "2_s2", "3_wltp")
     (cause,) = answer["causes"]
     assert cause["id"] == "input.flow_oil.gain"
     assert 0.3 < cause["estimate"] < 1.1  # 1, less what the prior and the film of the spray take
