@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from ingest.errors import WITH_EXTRAS
+from made.browser import printed_pages
 from made.places import ROOT
 
 RECORDINGS = (0, 1, 2, 3, 4, 6, 7, 9, 10, 12, 14)
@@ -102,6 +103,8 @@ def test_help_and_demo_work_from_an_empty_folder(installed: Path, tmp_path: Path
     answer = json.loads((tmp_path / "answer.json").read_text(encoding="utf-8"))
     assert [run["session_name"] for run in answer["runs"]] == [f"id_{number}" for number in RECORDINGS]
     assert (tmp_path / "demo" / "report.html").stat().st_size > 100_000
+    for name in ("report", "why", "why_real_motor"):
+        assert printed_pages(tmp_path / "demo" / f"{name}.html") < 16
     assert _run(whyhot, "notebook", cwd=tmp_path, env=env).stdout.startswith("campaign ")
     _run(whyhot, "sql", "SELECT count(*) FROM samples", "--store", "demo/store", cwd=tmp_path, env=env)
 

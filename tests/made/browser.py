@@ -84,16 +84,26 @@ def as_it_stands(page: Path) -> str:
     return _dom(page, 1000).stdout
 
 
+def printed_pages(page: Path) -> int:
+    """On how many sheets of paper the page is printed; 0 where Chromium is not installed."""
+    if not _program():
+        return 0
+    paper = page.with_suffix(".pdf")
+    _chromium(page, "--no-pdf-header-footer", f"--print-to-pdf={paper}")
+    return max(map(int, re.findall(rb"/Type\s*/Pages[^>]*?/Count\s+(\d+)", paper.read_bytes())))
+
+
 def _dom(page: Path, width: int) -> subprocess.CompletedProcess[str]:
-    program = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-    if program is None:
+    if not _program():
         pytest.skip("Chromium is not installed: apt install chromium")
-    flags = (
-        "--headless",
-        "--no-sandbox",
-        "--disable-gpu",
-        "--virtual-time-budget=60000",
-        f"--window-size={width},900",
-        "--dump-dom",
-    )
-    return subprocess.run([program, *flags, page.as_uri()], capture_output=True, text=True, timeout=120, check=False)
+    return _chromium(page, "--virtual-time-budget=60000", f"--window-size={width},900", "--dump-dom")
+
+
+def _program() -> str:
+    names = ("chromium", "chromium-browser", "google-chrome")
+    return next(filter(None, map(shutil.which, names)), "")
+
+
+def _chromium(page: Path, *flags: str) -> subprocess.CompletedProcess[str]:
+    command = [_program(), "--headless", "--no-sandbox", "--disable-gpu", *flags, page.as_uri()]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)

@@ -134,7 +134,7 @@ def _region(models: Mapping[str, Run], group: Sequence[Observed], columns: int) 
     title = _title(several[0])
     with style(f"{first.session} {channels[0]} models"):
         strip = [STRIP] * bool(driving(first))
-        figure, (upper, *lower) = panels(WIDTH, (1.5, *[0.8] * len(channels), *strip))
+        figure, (upper, *lower) = panels(WIDTH, (1.3, *[0.7] * len(channels), *strip))
         _draw_temperatures(upper, first, several[0], columns)
         for axes, overlaid in zip(lower, several, strict=False):
             _draw_residuals(axes, first, overlaid, columns)

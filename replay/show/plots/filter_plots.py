@@ -20,13 +20,10 @@ Floats = NDArray[np.float64]
 
 BAND_SD = 2.0  # the band holds 95 % where the errors are normal
 PLAIN = 2.0  # a mean difference of this many standard deviations is said as one
-NOTE = (
+READING = (  # said once for all sessions
     "The filter is told where the unknown heat is. Told the wrong node it still finds a history that fits: what it "
-    "estimates is no evidence that the cause is there."
-)
-AFTERWARDS = (
-    " Smoothed: from all readings of the session, those after each moment included, so it does not lag; the band is "
-    "its own."
+    "estimates is no evidence that the cause is there. Smoothed: from all readings of the session, those after each "
+    "moment included, so it does not lag. Grey about the heat: two standard deviations."
 )
 
 
@@ -40,12 +37,12 @@ def estimated_loss(run: Run, columns: int, cause: str | None = None) -> Plot | N
     title = _finding(filtered, cause)
     time = time_axis(run)
     with style(f"{run.session} estimated loss"):
-        figure, (upper, lower) = panels(WIDTH, (1.6, 1.2))
+        figure, (upper, lower) = panels(WIDTH, (1.3, 0.95), top=0.08)
         _draw_heat(upper, filtered, time, run.t_ns[1:], columns)
         _draw_temperatures(lower, run, filtered, time, columns)
         over_session(lower, run)
         svg = inline_svg(figure, title)
-    return Plot(title, svg, NOTE + (AFTERWARDS if filtered.smoothed else ""), _table(run, filtered, time))
+    return Plot(title, svg, "", _table(run, filtered, time))
 
 
 def _finding(filtered: Filtered, cause: str | None) -> str:
@@ -70,16 +67,13 @@ def filter_over_time(run: Run, columns: int) -> Plot | None:
         return None
     title, time = words.capital(compared(run.summary)[0]), time_axis(run)
     with style(f"{run.session} filter over time"):
-        figure, (upper, middle, lower) = panels(WIDTH, (1.6, 0.95, 1.2))
+        figure, (upper, middle, lower) = panels(WIDTH, (1.3, 0.75, 0.95), top=0.08)
         _draw_channel(upper, channel, courses(run, filtered, channel), time, columns)
         _draw_left(middle, channel, courses(run, filtered, channel), time, columns)
         _draw_heat(lower, filtered, time, run.t_ns[1:], columns)
         over_session(lower, run)
         svg = inline_svg(figure, title)
-    note = (
-        f"{words.capital(loss(run.summary) or _finding(filtered, None))}. Grey: the sensor's own uncertainty, and two "
-        f"standard deviations of the heat. {NOTE}{AFTERWARDS if filtered.smoothed else ''}"
-    )
+    note = f"{words.capital(loss(run.summary) or _finding(filtered, None))}."
     return Plot(title, svg, note, _channel_table(run, channel, filtered, time))
 
 

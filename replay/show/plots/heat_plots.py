@@ -21,7 +21,7 @@ from replay.show.words.thin import thin
 Floats = NDArray[np.float64]
 Parts = list[tuple[str, float]]  # name, mean [W]
 
-HEIGHT = 3.6  # inches
+HEIGHT = 3.1  # inches
 SMOOTH_S = 60.0  # of the course over time: a driving cycle's losses jump every second
 
 

@@ -35,7 +35,7 @@ Floats = NDArray[np.float64]
 TOGETHER = 4  # channels in one panel
 ROWS = 40  # of the table behind a plot
 NEAR_LIMIT = 0.5  # of the temperatures' range: a limit that is further away is not drawn
-STRIP = 0.42  # inches: height of the inputs under a plot
+STRIP = 0.38  # inches: height of the inputs under a plot
 WIDTH = 7.6  # inches: the text width of an A4 page
 AXES: Mapping[str, tuple[str, str]] = {  # unit at the end of an input's name -> (title of its panel, unit)
     "rpm": ("speed", "rpm"),
@@ -119,7 +119,7 @@ def over_time(run: Run, group: Sequence[Observed], columns: int) -> Plot:
     title = finding(worst)
     with style(f"{run.session} {group[0].channel}"):
         strip = [STRIP] * bool(driving(run))
-        figure, (upper, lower, *below) = panels(WIDTH, (1.6, 0.95, *strip))
+        figure, (upper, lower, *below) = panels(WIDTH, (1.3, 0.75, *strip))
         draw_temperatures(upper, run, group, columns)
         draw_residuals(lower, run, group, columns)
         draw_driving(below, run, columns)
@@ -221,7 +221,7 @@ def inputs_over_time(run: Run, columns: int) -> Plot | None:
     middle = time.of((run.t_ns[:-1] + run.t_ns[1:]) // 2)
     title = f"What drove it: {words.joined([AXES[unit][0] for unit, _ in shown])}"
     with style(f"{run.session} inputs"):
-        figure, axes = panels(WIDTH, [0.62] * len(shown), top=0.08)
+        figure, axes = panels(WIDTH, [0.55] * len(shown), top=0.08)
         for ax, (unit, names) in zip(axes, shown, strict=True):
             _draw_inputs(ax, unit, {name: thin(middle, run.inputs[name], columns) for name in names[: len(COLOURS)]})
         over_session(axes[-1], run)
@@ -236,7 +236,7 @@ def _draw_inputs(axes: Axes, unit: str, series: Mapping[str, tuple[Floats, Float
         axes.plot(t, y, color=INK[0] if alone else colour, linestyle=dashes, linewidth=0.8, gid=gid)
         end = float(y[np.isfinite(y)][-1]) if np.isfinite(y).any() else 0.0
         ends.append((end, words.name(name.rpartition("_")[0]), colour))
-    axes.set_ylabel("\n".join((AXES[unit][0], f"[{AXES[unit][1]}]")))
+    axes.set_ylabel("\n".join((AXES[unit][0], f"[{AXES[unit][1]}]")), fontsize=7)
     axes.yaxis.set_major_formatter(lambda value, _: words.number(value))
     if not alone:
         name_lines(axes, ends)

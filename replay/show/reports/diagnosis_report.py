@@ -11,7 +11,7 @@ from replay.engine.results.run import Run
 from replay.show.plots.calendar_plot import calendar
 from replay.show.plots.compare import MODELS, compare, lines_drawn
 from replay.show.plots.error_maps import error_map
-from replay.show.plots.filter_plots import estimated_loss
+from replay.show.plots.filter_plots import READING, estimated_loss
 from replay.show.reports import beyond_usual, kept_errors, sentences, two_models, verdict
 from replay.show.reports.chain_plot import chain_bars
 from replay.show.reports.diagnosis_text import diagnosis_name, gain_notes, looked_at, next_commands
@@ -72,6 +72,7 @@ def write_diagnosis_report(
         map=error_map([models["published"] for models in shown.values() if "published" in models]) if shown else None,
         ranking=ranking(diagnosis),
         filtered=list(_filtered(diagnosis, shown)),
+        filter_reading=READING,
         changed=_changed(diff),
         diff=marked(diff),
         replays=[(MODELS[key].label, models[key]) for models in shown.values() for key in MODELS if key in models],

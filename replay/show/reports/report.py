@@ -11,7 +11,7 @@ from replay.engine.results.run import Observed, Run
 from replay.show.plots.calendar_plot import calendar
 from replay.show.plots.derating_plot import derating_over_time
 from replay.show.plots.error_maps import error_along, error_map
-from replay.show.plots.filter_plots import filter_over_time
+from replay.show.plots.filter_plots import READING, filter_over_time
 from replay.show.plots.heat_plots import heat_balance
 from replay.show.plots.meter_plots import meter_over_time
 from replay.show.plots.plots import groups, inputs_over_time, over_time
@@ -54,6 +54,7 @@ def write_report(runs: Sequence[Run], target: Path, context: ReportContext) -> N
         errors={run.session: worst_first(run.summary) for run in runs},
         calendar=calendar(runs) if len(runs) > 1 else None,
         sessions=_sessions(runs),
+        filter_reading=READING if any(run.filtered for run in runs) else "",
         maps=[plot for plot in (error_map(runs), error_along(runs)) if plot is not None],
         balances=power_balance(summaries),
         heats=[(run.session_name, said) for run in runs if (said := [*map(words.capital, heat_says(run.summary))])],

@@ -129,7 +129,7 @@ def test_every_ending_has_a_page_from_which_nothing_leaves(name: str, tmp_path: 
 
 
 def test_the_page_knows_dark_screens_and_paper(html: str) -> None:
-    assert "@media screen and (prefers-color-scheme: dark)" in html and "@page { size: A4;" in html
+    assert "@media screen and (prefers-color-scheme: dark)" in html and "@page { size: A4 landscape;" in html
 
 
 def test_the_same_input_gives_the_same_bytes(html: str, tmp_path: Path) -> None:

@@ -202,7 +202,7 @@ def test_ids_in_the_drawings_are_unique_so_that_clips_cannot_mix_up(two: str) ->
 
 def test_the_report_knows_dark_pages_and_paper(html: str) -> None:
     assert "@media screen and (prefers-color-scheme: dark)" in html
-    assert "@page { size: A4;" in html
+    assert "@page { size: A4 landscape;" in html
 
 
 HOSTILE = '<script>alert("1")</script> & $x^2$ \'"<img src=x>'
