@@ -69,6 +69,18 @@ class PointApart:
     readings: Sequence[ReadingApart]
 
 
+@dataclass(frozen=True)
+class Foreseen:
+    """A sensor in a test that was not run: what each model has it read (B,) [degC] at `t_s` (B,) [s] from the start,
+    and what it may be off [K]."""
+
+    name: str
+    node: str
+    floor_K: float
+    t_s: Floats
+    reads: Mapping[str, Floats]
+
+
 def relieved(before: Fit, after: Fit, stated: Sequence[Parameter]) -> list[Relief]:
     """What all tests have in common of the healthy differences, those first that moved back most. `stated`: with the sd
     that each was given at first."""
@@ -117,6 +129,29 @@ def points(before: Fit, after: Fit) -> list[PointApart]:
 def usual_floor(fit: Fit) -> float:
     """What a sensor may be off [K]: the median of those that there are."""
     return float(np.median([_floor(fit, c.name, c.sensor.bias_sd) for t in fit.model.tests for c in t.channels]))
+
+
+def foreseen(fits: Mapping[str, Fit], proposed: Proposed) -> list[Foreseen]:
+    """Every sensor in a test, by each of the models that does not run away in it; [] where all do."""
+    first = next(iter(fits.values())).model
+    test = as_test(first.network, first.tests, proposed)
+    read: dict[str, dict[str, Floats]] = {}
+    t_s: dict[str, Floats] = {}
+    for name, fit in fits.items():
+        model, beta = _replayed(fit, [test])
+        try:
+            series = model.residuals(beta)
+        except DivergedError:
+            continue
+        for one in series:
+            read.setdefault(one.channel, {})[name] = -one.y  # the readings of the test are 0
+            t_s[one.channel] = one.t_s
+    fit = next(iter(fits.values()))
+    return [
+        Foreseen(c.name, c.sensor.label, _floor(fit, c.name, c.sensor.bias_sd), t_s[c.name], read[c.name])
+        for c in test.channels
+        if c.name in read
+    ]
 
 
 def _menu(model: Model) -> Iterator[Proposed]:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from made.motor import compiled, every_law, law, recorded, smooth
-from twin.diagnosis.two_models import HOTTER_K, inside, points, relieved, unseen, usual_floor
+from twin.diagnosis.next_tests import Proposed
+from twin.diagnosis.two_models import HOTTER_K, foreseen, inside, points, relieved, unseen, usual_floor
 from twin.differences.everyday import laws
 from twin.fitting.actions import Added, Parameter, Place
 from twin.fitting.fit import Fit, fit
@@ -116,3 +117,18 @@ def test_tests_that_know_no_load_have_no_points(fits: tuple[Fit, Fit]) -> None:
     blind = replace(test, inputs={name: u for name, u in test.inputs.items() if name != "current"})
     model = Model(every_law(), [blind], before.model.parameters)
     assert points(replace(before, model=model), after) == []
+
+
+def test_a_test_that_was_not_run_is_foreseen_as_each_model_runs_it(fits: tuple[Fit, Fit]) -> None:
+    before, _ = fits
+    with_heat = replace(before, model=before.model.plus([HEAT]), beta=np.append(np.zeros(before.beta.size), 80.0))
+    none, test = replace(before, beta=np.zeros(before.beta.size)), before.model.tests[0]
+    ones = np.ones(round(3600 / test.frame.step_s))
+    found = foreseen({"without": none, "with": with_heat}, Proposed("an hour", 0.8 * ones, 0.5 * ones, ones))
+    assert [one.name for one in found] == [channel.name for channel in test.channels]
+    assert all(one.floor_K == pytest.approx(usual_floor(before), rel=0.3) for one in found)
+    (winding,) = (one for one in found if one.name == "W_1")
+    flow = float(np.median(test.inputs["flow"]))
+    for name, network in {"without": every_law(), "with": _true()}.items():
+        (end, *_) = _after_an_hour(network, test.initial, 0.8, 0.5, flow)
+        assert winding.reads[name][-1] == pytest.approx(end, abs=0.1), "its last block ends with the hour"
