@@ -14,7 +14,9 @@ from replay.studies.diagnosis.answer import (
     ChainStep,
     Diagnosis,
     EvidenceParts,
+    ForeseenTest,
     KeptGain,
+    LawCourse,
     Masked,
     Named,
     Relieved,
@@ -196,6 +198,37 @@ APART = TwoModels(
     sensor=Telling(says=NO_LOAD, node="rotor_core", channel=None, differ_K=-7.4, times_sensor=14.8),
 )
 
+SPEEDS_RPM = [0.0, 4000.0, 8000.0, 12000.0, 16000.0]
+
+
+def over_speed(size: float, exponent: float) -> list[float]:
+    """A law of speed, `size` at 16,000 rpm."""
+    return [size * (rpm / 16000.0) ** exponent for rpm in SPEEDS_RPM]
+
+
+LAW = LawCourse(
+    cause=EDDY.id,
+    place="magnet",
+    unit="W",
+    at={"current_A": 250.0},
+    speed_rpm=SPEEDS_RPM,
+    published=over_speed(40.0, 1.5),
+    recalibrated=over_speed(70.0, 1.5),
+    extended=over_speed(136.0, 2.0),
+    low=over_speed(128.0, 2.0),
+    high=over_speed(144.0, 2.0),
+    rivals={RIVALS[0].id: over_speed(60.0, 1.5), RIVALS[1].id: over_speed(75.0, 1.5)},
+    trained_rpm=[[0.0, 2000.0], [6000.0, 12000.0]],
+)
+FORESEEN = ForeseenTest(
+    says=NO_LOAD,
+    channel="MAG_1",
+    node="magnet",
+    floor_K=0.5,
+    t_s=[0.0, 1800.0, 3600.0],
+    reads={RIVALS[0].id: [20.0, 61.0, 64.5], "recalibrated": [20.0, 65.0, 69.9], EDDY.id: [20.0, 60.0, 64.0]},
+)
+
 NAMED = Diagnosis(
     diagnosis="7f31beef" * 8,
     motor="reference-150kW",
@@ -225,9 +258,12 @@ NAMED = Diagnosis(
     threshold=8.0,
     next_test=None,
     two_models=APART,
+    laws=[LAW],
+    foreseen=FORESEEN,
 )
 NOTHING_ADDED: dict[str, Any] = {
-    **dict.fromkeys(("extended_model", "log_score_gain", "log_score_gain_lower", "two_models")),
+    "laws": [],
+    **dict.fromkeys(("extended_model", "log_score_gain", "log_score_gain_lower", "two_models", "foreseen")),
 }
 
 

@@ -15,7 +15,9 @@ from replay.show.plots.filter_plots import READING, estimated_loss
 from replay.show.reports import beyond_usual, kept_errors, sentences, two_models, verdict
 from replay.show.reports.chain_plot import chain_bars
 from replay.show.reports.diagnosis_text import diagnosis_name, gain_notes, looked_at, next_commands
+from replay.show.reports.foreseen_plot import foreseen_plot
 from replay.show.reports.gain_plot import gain_bars
+from replay.show.reports.law_plot import law_plots
 from replay.show.reports.ranking import ranking
 from replay.show.reports.report import COLUMNS, LINES, ReportContext, started
 from replay.show.reports.waterfall_plot import waterfall
@@ -71,6 +73,8 @@ def write_diagnosis_report(
         sessions=sessions,
         map=error_map([models["published"] for models in shown.values() if "published" in models]) if shown else None,
         ranking=ranking(diagnosis),
+        foreseen=foreseen_plot(diagnosis),
+        laws=law_plots(diagnosis),
         filtered=list(_filtered(diagnosis, shown)),
         filter_reading=READING,
         changed=_changed(diff),

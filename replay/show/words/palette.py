@@ -45,3 +45,11 @@ def with_variables(svg: str) -> str:
     for name, (light, _) in {"ink": INK, "soft": SOFT, **SERIES}.items():
         svg = svg.replace(light, f"var(--{name})")
     return svg
+
+
+def rival_lines() -> list[dict[str, Any]]:
+    """How the rivals of a cause are drawn: colours and dashes that no model has."""
+    return [
+        {"color": SERIES[name][0], "linestyle": dashes, "linewidth": 1.0}
+        for name, dashes in zip(("purple", "orange", "sky"), ("-", *DASHES[1:]), strict=False)
+    ]

@@ -220,6 +220,41 @@ class TwoModels:
 
 
 @dataclass(frozen=True, kw_only=True)
+class LawCourse:
+    """What a named cause changes at its `place`, over speed at the usual load (`at`: quantity with unit -> value): the
+    whole heat [W] or conductance [W/K] there, of several members their sum, without what temperature changes.
+    `published`, `recalibrated`, `extended` and each of `rivals` (id -> values) in its own fit; `low`, `high`: 95 % band
+    of the extended one by the size of the cause; `trained_rpm`: ranges of speed that the sessions learnt from visited.
+    All lists are as long as `speed_rpm`."""
+
+    cause: str
+    place: str
+    unit: str
+    at: dict[str, float]
+    speed_rpm: list[float]
+    published: list[float]
+    recalibrated: list[float]
+    extended: list[float]
+    low: list[float]
+    high: list[float]
+    rivals: dict[str, list[float]]
+    trained_rpm: list[list[float]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForeseenTest:
+    """What the next test, `says`, would show: the reading of the `channel` that tells most [degC] at `t_s` by each
+    model: "recalibrated" without a cause, or a cause's id. `floor_K`: what the sensor may be off."""
+
+    says: str
+    channel: str
+    node: str
+    floor_K: float
+    t_s: list[float]
+    reads: dict[str, list[float]]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Masked:
     """A data fault found before calibration and left out: a held, stuck, saturated or dead stretch of a channel."""
 
@@ -316,6 +351,8 @@ class Diagnosis:
     contradicting: list[Contradicting] = field(default_factory=list)  # sessions learnt from, the worst first
     two_models: TwoModels | None = None  # where something was named that a file can say
     chain: list[ChainStep] = field(default_factory=list)  # none where channels are exchanged
+    laws: list[LawCourse] = field(default_factory=list)  # of named heats and heat paths
+    foreseen: ForeseenTest | None = None  # where there is a next test
     judged_by: str = "evidence"  # or "sessions left out", or "few sessions", which let in one term alone
 
     @property

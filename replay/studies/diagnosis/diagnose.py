@@ -34,6 +34,7 @@ from replay.studies.diagnosis.contradicting import contradicting
 from replay.studies.diagnosis.data_faults import data_faults
 from replay.studies.diagnosis.named_faults import left_out, masked, named_fault, named_swap
 from replay.studies.diagnosis.offered import offered
+from replay.studies.diagnosis.pictured import foreseen_test, laws
 from replay.studies.diagnosis.question import Question, campaign_of, check, kept_of, key_of
 from replay.studies.diagnosis.search import find
 from replay.studies.diagnosis.two_models import two_models
@@ -111,6 +112,8 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
     recalibrated = None if kept and calibration_is_worse(kept.gain) else files.files.get("before")
     extended = files.files.get("after")
     last = naming.rounds[-1]
+    next_test = next((c.separating_test for c in causes if c.separating_test), None) or suspected_test(naming)
+    apart = two_models(question, found, tests)
     return Diagnosis(
         diagnosis=identity,
         motor=network.name,
@@ -141,12 +144,14 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
         steps=sum(len(t.frame.features) for t in campaign.tests),
         null_log_bayes_factor=last.null,
         threshold=naming.threshold,
-        next_test=next((c.separating_test for c in causes if c.separating_test), None) or suspected_test(naming),
+        next_test=next_test,
         why_no_files=files.why_none,
         findings=beyond_usual(naming, [s.session for s in question.train]),
         contradicting=contradictory,
-        two_models=two_models(question, found, tests),
+        two_models=apart,
         chain=chain(question, campaign, found, files, causes, tests, identity),
+        laws=laws(campaign, found, causes),
+        foreseen=foreseen_test(campaign, found, next_test, apart),
         judged_by=judged_by(naming),
     )
 

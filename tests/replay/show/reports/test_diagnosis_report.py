@@ -15,6 +15,8 @@ from made.diagnoses import (
     ALL,
     EDDY,
     EXPLAINED,
+    FORESEEN,
+    LAW,
     NAMED,
     NOT_IMPROVED,
     RIVALS,
@@ -31,7 +33,9 @@ from replay.engine.results.run import Filtered, Run
 from replay.show.plots.compare import compare
 from replay.show.reports.chain_plot import chain_bars
 from replay.show.reports.diagnosis_report import filter_section, write_diagnosis_report
+from replay.show.reports.foreseen_plot import foreseen_plot
 from replay.show.reports.gain_plot import gain_bars
+from replay.show.reports.law_plot import law_plots
 from replay.show.reports.ranking import SHOWN, ranking
 from replay.show.reports.report import ReportContext
 from replay.show.reports.sentences import headline
@@ -410,3 +414,29 @@ def test_the_chain_falls_step_by_step_in_bars_and_in_a_table() -> None:
     alone = chain_bars(replace(SEVERAL, chain=[replace(one, kept_mae_K={}) for one in SEVERAL.chain]))
     assert alone is not None and ">kept<" not in alone.svg and len(alone.table.head) == 5
     assert chain_bars(replace(SEVERAL, chain=SEVERAL.chain[:2])) is None and chain_bars(NAMED) is None
+
+
+def test_the_law_of_a_cause_is_told_where_it_was_learnt_and_drawn_beside_its_rivals() -> None:
+    plot = law_plots(NAMED)[EDDY.id]
+    told = "Magnet at 12,000 rpm and 250 A: 76.5 W with the cause (72 to 81), 45.5 recalibrated, 26 as published"
+    assert plot.title == told, "not at 16,000 rpm, where no session was"
+    for text in ("as published", "recalibrated", "with the cause", f"rival: {RIVALS[0].id}"):
+        assert f">{text}<" in plot.svg
+    assert plot.table.rows[-1] == ("16,000", "40", "70", "136", "128", "144", "60", "75")
+    assert len(law_plots(replace(NAMED, laws=[replace(LAW, rivals={})]))[EDDY.id].table.head) == 6
+    assert law_plots(SILENT) == {}
+
+
+def test_the_next_test_is_drawn_by_every_model_with_what_the_sensor_may_be_off() -> None:
+    plot = foreseen_plot(NAMED)
+    assert plot is not None
+    assert plot.title == (
+        "S1 at 12,000 rpm and 0 A, 60 min: if it is not loss.magnet.speed2_current2, MAG_1 reads 1.0 to 5.9 K "
+        "otherwise, at least 2 times what it may be off"
+    )
+    assert plot.table.head[1] == "recalibrated, without a cause [°C]" and plot.table.rows[-1][1] == "69.90"
+    blunt = foreseen_plot(replace(NAMED, foreseen=replace(FORESEEN, floor_K=0.6)))
+    assert blunt is not None and blunt.title.endswith("where it may be off by 0.6 K")
+    unnamed = foreseen_plot(replace(NAMED, causes=[]))
+    assert unnamed is not None and "if there is a cause, MAG_1 reads 5.4 to 5.9 K otherwise" in unnamed.title
+    assert foreseen_plot(SILENT) is None

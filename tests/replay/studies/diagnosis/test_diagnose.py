@@ -80,7 +80,22 @@ TWO_MODELS: dict[str, Any] = {
     "test": TELLING,
     "sensor": TELLING,
 }
+LAW: dict[str, Any] = {
+    **dict.fromkeys(("cause", "place", "unit"), str),
+    **dict.fromkeys(("speed_rpm", "published", "recalibrated", "extended", "low", "high"), NUMBERS),
+    "at": dict,
+    "rivals": dict,
+    "trained_rpm": [NUMBERS],
+}
+FORESEEN: dict[str, Any] = {
+    **dict.fromkeys(("says", "channel", "node"), str),
+    "floor_K": float,
+    "t_s": NUMBERS,
+    "reads": dict,
+}
 ANSWER: dict[str, Any] = {
+    "laws": [LAW],
+    "foreseen": FORESEEN,
     "findings": [FINDING],
     **dict.fromkeys(("schema", "diagnosis", "model"), str),
     **dict.fromkeys(("train", "held_out"), TEXTS),
@@ -242,6 +257,38 @@ def test_where_recalibration_alone_stood_in_for_it_the_two_models_are_apart(answ
     assert furthest["node"] in ("rotor_surface", "magnet") and furthest["differ_K"] < -3
     assert found["test"]["channel"] in ("RS", "MAG") and found["test"]["times_sensor"] > 3
     assert found["sensor"]["channel"] is None and found["sensor"]["node"] not in seen
+
+
+def test_the_law_of_the_cause_is_near_that_of_the_files_offered_and_its_band_that_of_its_size(
+    diagnosed: Path, answer: Mapping[str, Any]
+) -> None:
+    (law,), (cause,) = answer["laws"], answer["causes"]
+    assert (law["cause"], law["unit"]) == (cause["id"], "W/K")
+    last = law["speed_rpm"].index(16000.0)
+    low, found, high = (law[key][last] for key in ("low", "extended", "high"))
+    assert (found - low, high - found) == pytest.approx(
+        (cause["estimate"] - cause["ci95"][0], cause["ci95"][1] - cause["estimate"]), rel=1e-6
+    ), "at 16,000 rpm the cause's feature is 1"
+    near = {"published": ("model", 1e-6), "recalibrated": ("recalibrated_model", 0.1)}
+    near["extended"] = ("extended_model", 0.1)  # files leave out what is too small to be worth a line
+    for key, (model, share) in near.items():
+        links = network(diagnosed, answer[model]).links
+        (link,) = (one for one in links if {one.a, one.b} == {"rotor_surface", "teeth"})
+        at_one = sum(term.coefficient for term in link.terms)
+        assert law[key][last] == pytest.approx(at_one, rel=share), key
+    assert law["trained_rpm"][-1][1] < 16000.0, "no session went there"
+    assert set(law["rivals"]) <= {rival["id"] for rival in answer["rivals"]}
+
+
+def test_the_next_test_is_foreseen_by_the_models_as_they_were_found_apart(answer: Mapping[str, Any]) -> None:
+    test, apart = answer["foreseen"], answer["two_models"]["test"]
+    assert (test["says"], test["channel"]) == (apart["says"], apart["channel"])
+    (cause,) = answer["causes"]
+    differ_K = test["reads"][cause["id"]][-1] - test["reads"]["recalibrated"][-1]
+    assert differ_K == pytest.approx(apart["differ_K"], rel=0.05), "the other was run in steps of 10 s"
+    assert test["floor_K"] == pytest.approx(abs(apart["differ_K"]) / apart["times_sensor"])
+    assert set(test["reads"]) - {"recalibrated", cause["id"]} <= {rival["id"] for rival in answer["rivals"]}
+    assert all(len(reads) == len(test["t_s"]) for reads in test["reads"].values())
 
 
 def test_the_sessions_stand_in_the_answer_by_their_ids(diagnosed: Path, answer: Mapping[str, Any]) -> None:
