@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from twin.compiled.integrators import SDIRK2
 from twin.compiled.laid_out import laid_out
-from twin.compiled.laws import Integers, Law, Table, every_place, psi_of
+from twin.compiled.laws import Integers, Law, Table, every_place, psi, psi_of
 from twin.compiled.structure import Group
-from twin.motor.network import Network, Term
+from twin.motor.network import NOBODY, Network, Term
 from twin.run.simulate import Frame, heat_of_terms, of_monomial
 
 Floats = NDArray[np.float64]
@@ -109,6 +109,22 @@ def takers(network: Network, states: int | None = None) -> Callable[[Law], int |
         return law.b - first if law.b >= first else streams.get((law.a, law.b)) if law.one_way else None
 
     return takes
+
+
+def flows_between(network: Network, frame: Frame, temperatures: Floats) -> dict[tuple[str, str], Floats]:
+    """Heat (N,) [W] from the first to the second, in the order of `Network.names`, of every two places that a link or a
+    stream joins, with the features and boundaries of `frame` at `temperatures` (N, n) [degC]. What a stream brings is
+    counted at its node."""
+    shape, values, _, laws, table = laid_out(network)
+    per_amount, _ = psi(table, temperatures, frame.boundaries)
+    found: dict[tuple[str, str], Floats] = {}
+    for group, law, own in zip(shape.groups, laws, per_amount, strict=True):
+        if law.b != NOBODY:
+            into_a = _carried(group, values.coefficients, frame) * own
+            first, second = sorted((law.a, law.b))
+            pair = network.names[first], network.names[second]
+            found[pair] = found.get(pair, 0.0) + (into_a if law.a == second else -into_a)
+    return found
 
 
 def _carried(group: Group, coefficients: Floats, frame: Frame) -> Floats:

@@ -13,7 +13,7 @@ from made.motor import every_law
 from twin.compiled.kernel import compile_network
 from twin.motor.features import evaluate, monomials
 from twin.motor.network import Network, Term
-from twin.run.losses import account, heat_flows, kind_of
+from twin.run.losses import account, flows_between, heat_flows, kind_of
 from twin.run.simulate import Frame, simulate, source_heat
 
 Load = Callable[[str], Callable[..., None]]
@@ -85,6 +85,17 @@ def test_the_heat_of_a_step_is_that_of_its_mean_temperature_where_it_hardly_move
     flows = heat_flows(network, frame, temperatures)
     by_source = np.add.reduceat(flows.terms, [0, 2, 4], axis=0)
     np.testing.assert_allclose(by_source.T, source_heat(network, frame, temperatures), rtol=2e-4, atol=1e-9)
+
+
+def test_what_flows_to_boundaries_between_places_is_what_these_take(plain: Load) -> None:
+    network = every_law()
+    frame = _frame(network, 4)
+    temperatures = simulate(compile_network(network, load=plain), frame, np.array([45.0, 42.0, 41.0, 35.0]))
+    flows = flows_between(network, frame, (temperatures[1:] + temperatures[:-1]) / 2)
+    assert all(network.names.index(first) < network.names.index(second) for first, second in flows)
+    for boundary, taken in zip(network.boundaries, heat_flows(network, frame, temperatures).boundaries, strict=True):
+        into = np.sum([heat for (_, end), heat in flows.items() if end == boundary.name], axis=0)
+        np.testing.assert_allclose(into, taken, rtol=0, atol=2e-3 * np.abs(taken).max())
 
 
 def test_a_long_run_is_the_sum_of_its_chunks(plain: Load, monkeypatch: pytest.MonkeyPatch) -> None:
