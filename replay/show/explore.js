@@ -200,7 +200,27 @@ function explore(svg, session) {
   });
 }
 
+function overTime(svg) {  // a slider for a picture that is drawn at one of many times
+  const data = JSON.parse(svg.dataset.overTime), told = document.createElement("output"), slider = document.createElement("input");
+  const drawnOf = (what, tag) => Object.fromEntries([...svg.querySelectorAll(`[data-${what}]`)].map(
+    group => [group.dataset[what], group.querySelector(tag)]));
+  const parts = drawnOf("part", "path"), flows = drawnOf("flow", "path"), names = drawnOf("says", "text");
+  const draw = () => {
+    const i = Number(slider.value);
+    for (const [name, colours] of Object.entries(data.fill)) parts[name].style.fill = colours[i];
+    for (const [name, texts] of Object.entries(data.says)) if (names[name]) names[name].textContent = texts[i];
+    data.wide.forEach((widths, flow) => { flows[flow].style.strokeWidth = widths[i]; });
+    told.textContent = data.times[i];
+  };
+  Object.assign(slider, {type: "range", className: "controls", min: 0, max: data.times.length - 1, value: data.at});
+  slider.setAttribute("aria-label", "time of the picture");
+  slider.addEventListener("input", draw);
+  svg.parentNode.after(slider, told);
+  draw();
+}
+
 let session = "";
 for (const found of document.querySelectorAll("h3, figure svg"))
   if (found.tagName === "H3") session = found.textContent;
+  else if (found.dataset.overTime) overTime(found);
   else explore(found, session);

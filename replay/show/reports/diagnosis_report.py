@@ -14,6 +14,7 @@ from replay.show.plots.error_maps import error_map
 from replay.show.plots.filter_plots import READING, estimated_loss
 from replay.show.reports import beyond_usual, kept_errors, sentences, two_models, verdict
 from replay.show.reports.chain_plot import chain_bars
+from replay.show.reports.cut_plot import cut_plot
 from replay.show.reports.diagnosis_text import diagnosis_name, gain_notes, looked_at, next_commands
 from replay.show.reports.foreseen_plot import foreseen_plot
 from replay.show.reports.gain_plot import gain_bars
@@ -25,6 +26,7 @@ from replay.show.words import words
 from replay.show.words.figure import Plot
 from replay.show.words.page import template
 from replay.studies.diagnosis.answer import Diagnosis
+from twin.motor.network import Network
 
 DIFF = {"+++": "file", "---": "file", "+": "added", "-": "removed"}  # start of a line -> its class
 
@@ -42,13 +44,14 @@ class SessionModels:
 def write_diagnosis_report(
     diagnosis: Diagnosis,
     runs: Mapping[str, Mapping[str, Run]],
+    network: Network,
     diff: str,
     target: Path,
     context: ReportContext,
 ) -> None:
     """Write the report of a diagnosis to `target`. The same input gives the same bytes. `runs`: session id -> key of
-    MODELS -> its sealed run, where there is one; `diff`: unified diff of the motor or bench file, "" where there is
-    none."""
+    MODELS -> its sealed run, where there is one; `network`: of the model as published; `diff`: unified diff of the
+    motor or bench file, "" where there is none."""
     shown = {session: runs[session] for session in (*diagnosis.train, *diagnosis.held_out) if runs.get(session)}
     sessions = _sessions(diagnosis, shown)
     page = template("diagnosis.html.j2").render(
@@ -72,6 +75,7 @@ def write_diagnosis_report(
         calendar=calendar([session.run for session in sessions], diagnosis.held_out) if sessions else None,
         sessions=sessions,
         map=error_map([models["published"] for models in shown.values() if "published" in models]) if shown else None,
+        cut=_cut(diagnosis, shown, network),
         ranking=ranking(diagnosis),
         foreseen=foreseen_plot(diagnosis),
         laws=law_plots(diagnosis),
@@ -111,6 +115,13 @@ def _sessions(diagnosis: Diagnosis, shown: Mapping[str, Mapping[str, Run]]) -> l
         for session, models in shown.items()
         for run in [next(iter(models.values()))]
     ]
+
+
+def _cut(diagnosis: Diagnosis, shown: Mapping[str, Mapping[str, Run]], network: Network) -> Plot | None:
+    """The motor cut open in the session that the model as published is furthest off in."""
+    runs = [models["published"] for models in shown.values() if "published" in models]
+    worst = max(runs, key=lambda run: max(run.summary.max_K.values(), default=0.0), default=None)
+    return cut_plot(diagnosis, worst, network) if worst else None
 
 
 def _filtered(diagnosis: Diagnosis, shown: Mapping[str, Mapping[str, Run]]) -> Iterator[tuple[str, str, Plot]]:

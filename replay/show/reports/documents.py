@@ -111,7 +111,8 @@ def write_diagnosis(
             if outcome.run:
                 runs[outcome.session.session][label] = load_run(store, facts, outcome.run)
     target.parent.mkdir(parents=True, exist_ok=True)
-    write_diagnosis_report(diagnosis, runs, _difference(store, diagnosis), target, context(store, command))
+    network = network_of(store, at(store.ledger), sessions[0], diagnosis.model)
+    write_diagnosis_report(diagnosis, runs, network, _difference(store, diagnosis), target, context(store, command))
     return runs
 
 
@@ -127,7 +128,8 @@ def write_sealed_diagnosis(store: Store, facts: Facts, diagnosis: Diagnosis, tar
         }
         for name in (*diagnosis.train, *diagnosis.held_out)
     }
-    write_diagnosis_report(diagnosis, runs, _difference(store, diagnosis), target, context(store, command))
+    network = network_of(store, facts, facts.session(diagnosis.train[0]), diagnosis.model)
+    write_diagnosis_report(diagnosis, runs, network, _difference(store, diagnosis), target, context(store, command))
 
 
 def sealed_diagnosis(store: Store, event: DiagnosisCompleted) -> Diagnosis:

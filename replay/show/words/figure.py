@@ -53,6 +53,9 @@ STYLE: Any = {
 KEY_ABOVE: Any = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "frameon": False, "borderpad": 0}  # of a key
 BAND: Any = {"color": SOFT[0], "alpha": 0.22, "linewidth": 0}  # within which nothing can be told
 LINE_ID, AXES_ID = "line: ", "axes: "  # how ids begin that tell the page's script what a line and its axes are
+PART_ID, FLOW_ID, SAYS_ID = "part: ", "flow: ", "says: "  # and what changes over time: an area, a width, a name
+HOOKS = {LINE_ID: "data-line", AXES_ID: "data-axes", "xtick_": "data-tick"}
+HOOKS |= {PART_ID: "data-part", FLOW_ID: "data-flow", SAYS_ID: "data-says"}
 LEFT, BOTTOM = 0.112, 0.42  # share of the width, inches: for the axes' titles
 RIGHT = 0.835  # share of the width at which the axes end: names stand behind it
 LONGEST = 18  # letters of a name there; a longer one loses its middle
@@ -127,7 +130,7 @@ def inline_svg(figure: Figure, label: str) -> str:
     text = text[text.index("<svg") :]
     referred = set(re.findall(r"#\w+", text))
     text = re.sub(r"\s*<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    for told, attribute in ((LINE_ID, "data-line"), (AXES_ID, "data-axes"), ("xtick_", "data-tick")):
+    for told, attribute in HOOKS.items():
         text = text.replace(f' id="{told}', f' {attribute}="')
     text = re.sub(r" id=\"([^\"]*)\"", lambda m: m[0] if f"#{m[1]}" in referred else "", text)
     text = re.sub(r" d=\"[^\"]*\"", lambda m: re.sub(r"(\.\d\d)\d+", r"\1", m[0]), text)

@@ -29,9 +29,12 @@ from made.diagnoses import (
     gain,
     runs,
 )
+from made.runs import made_run
+from made.seen import network
 from replay.engine.results.run import Filtered, Run
 from replay.show.plots.compare import compare
 from replay.show.reports.chain_plot import chain_bars
+from replay.show.reports.cut_plot import INSTANTS, course_of, cut_plot
 from replay.show.reports.diagnosis_report import filter_section, write_diagnosis_report
 from replay.show.reports.foreseen_plot import foreseen_plot
 from replay.show.reports.gain_plot import gain_bars
@@ -70,7 +73,7 @@ def page(
     diff: str = "",
     context: ReportContext = CONTEXT,
 ) -> str:
-    write_diagnosis_report(diagnosis, of, diff, folder / "report.html", context)
+    write_diagnosis_report(diagnosis, of, network(), diff, folder / "report.html", context)
     return (folder / "report.html").read_text(encoding="utf-8")
 
 
@@ -440,3 +443,27 @@ def test_the_next_test_is_drawn_by_every_model_with_what_the_sensor_may_be_off()
     unnamed = foreseen_plot(replace(NAMED, causes=[]))
     assert unnamed is not None and "if there is a cause, MAG_1 reads 5.4 to 5.9 K otherwise" in unnamed.title
     assert foreseen_plot(SILENT) is None
+
+
+def test_the_cut_shows_what_is_left_and_what_flows_where_the_model_is_furthest_off() -> None:
+    run, motor = made_run(), network()
+    path = replace(EDDY, id="conductance.winding-stator.speed", members=["winding-stator"])
+    plot, course = cut_plot(replace(NAMED, causes=[path]), run, motor), course_of(run, motor)
+    assert plot is not None and course is not None
+    at, node = course.worst
+    assert node == "rotor_surface" and at >= INSTANTS // 2, "above 3,000 rpm"
+    middle = slice(at * 50, (at + 1) * 50)  # of 2,400 steps
+    between = (run.temperatures[1:] + run.temperatures[:-1])[middle] / 2
+    assert course.left_K[node][at] == pytest.approx(6.0)
+    assert course.flows_W["winding", "stator"][at] == pytest.approx(2.0 * (between[:, 0] - between[:, 1]).mean())
+    assert course.flows_W["stator", "coolant"][at] == pytest.approx(2.0 * (between[:, 1] - 60.0).mean())
+    assert plot.title.startswith(f"1_s1 at {course.times[at]}: rotor surface measured 6.0 K hotter than as published; ")
+    assert plot.title.endswith(" W from winding to stator, the path named")
+    assert ">rotor surface +6.0 K<" in plot.svg and ">what was named<" in plot.svg
+    assert plot.table.head[-2:] == ("winding to stator [W]", "stator to coolant [W]")
+
+
+def test_a_run_that_lacks_what_a_heat_needs_has_no_cut() -> None:
+    run = made_run()
+    assert cut_plot(NAMED, replace(run, inputs={"speed_rpm": run.inputs["speed_rpm"]}), network()) is None
+    assert cut_plot(NAMED, replace(run, observed=()), network()) is None

@@ -12,6 +12,7 @@ from made.ageing import aged
 from made.browser import LABELS, as_it_stands, axe, in_browser
 from made.diagnoses import NAMED, runs
 from made.runs import heated, made_run
+from made.seen import network
 from replay.engine.results.run import Run
 from replay.show.reports.ageing_report import write_ageing_report
 from replay.show.reports.diagnosis_report import write_diagnosis_report
@@ -42,7 +43,7 @@ def page(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     elif request.param == "ageing":
         write_ageing_report(aged(), target, CONTEXT)
     else:
-        write_diagnosis_report(NAMED, runs(), "", target, CONTEXT)
+        write_diagnosis_report(NAMED, runs(), network(), "", target, CONTEXT)
     return target
 
 
@@ -149,6 +150,24 @@ def test_temperatures_stand_over_speed_where_that_is_asked_for(one: Path) -> Non
     assert {"2,000", "3,000", "speed [rpm]"} <= set(says)
     assert "3,000" not in few, "what is seen is at 1,500 rpm"
     assert not shown
+
+
+def test_a_slider_leads_the_picture_of_the_cut_through_the_session(page: Path) -> None:
+    if "data-over-time" not in page.read_text(encoding="utf-8"):
+        pytest.skip("only the report of a diagnosis has it")
+    script = """
+    const svg = document.querySelector("svg[data-over-time]"), slider = svg.closest("figure").querySelector("input");
+    const shown = () => [svg.querySelector("[data-part='rotor_surface'] path").style.fill,
+      svg.querySelector("[data-says='rotor_surface'] text").textContent,
+      svg.querySelector("[data-flow='0'] path").style.strokeWidth, slider.nextSibling.textContent];
+    const still = shown();
+    slider.value = 0;
+    slider.dispatchEvent(new Event("input"));
+    return [still, shown()];
+    """
+    still, first = in_browser(page, script)
+    assert still[1] == "rotor surface +6.0 K" and first[1] == "rotor surface −0.2 K" and first[3] == "0:00:25"
+    assert still[0] != first[0] and float(first[2]) < float(still[2]), "nothing flows in a motor of one temperature"
 
 
 def test_a_click_on_a_name_hides_its_line_and_takes_it_out_of_the_csv(one: Path) -> None:
