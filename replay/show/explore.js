@@ -141,9 +141,9 @@ function controls(plot) {
   if (panel && plot.panels[0].lines.some(line => line.name.endsWith("[°C]"))) {
     plot.speed = {panel, line: panel.lines.find(line => line.name.startsWith("speed [of "))};
     plot.xy = drawn("svg", {viewBox: "0 0 500 240", role: "img", "aria-label": "temperatures over speed"});
-    bar.append(button("over speed", false, made => {
+    bar.append(button("over speed", null, made => {
       if (plot.xy.isConnected) plot.xy.remove(); else bar.after(plot.xy);
-      made.setAttribute("aria-pressed", plot.xy.isConnected);
+      made.setAttribute("aria-expanded", plot.xy.isConnected);
       overSpeed(plot);
     }));
   }

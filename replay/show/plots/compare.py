@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from replay.engine.results.run import Observed, Run
 from replay.show.plots.plots import (
+    SMALL,
     STRIP,
     WIDTH,
     around_zero,
@@ -216,7 +217,7 @@ def _draw_residuals(axes: Axes, run: Run, overlaid: Overlaid, columns: int) -> N
     for key, observed in overlaid.models.items():
         gid = named(f"{node} residual {MODELS[key].label} [K]")
         draw(axes, time, observed.t_ns, observed.residual, columns, observed.used, **MODELS[key].line, gid=gid)
-    axes.set_ylabel(f"{overlaid.reading} −\nmodel [K]")
+    axes.set_ylabel(f"{overlaid.reading} −\nmodel [K]", fontsize=SMALL)
     name_lines(axes, [(0.0, words.name(one.node), INK[0])])
 
 

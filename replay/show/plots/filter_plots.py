@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from replay.engine.results.run import Filtered, Observed, Run
-from replay.show.plots.plots import WIDTH, TimeAxis, around_zero, draw, instants, over_session, time_axis
+from replay.show.plots.plots import SMALL, WIDTH, TimeAxis, around_zero, draw, instants, over_session, time_axis
 from replay.show.words import words
 from replay.show.words.figure import BAND, FigureTable, Plot, inline_svg, name_lines, panels, style
 from replay.show.words.filter_words import compared, loss, worst_compared
@@ -121,7 +121,7 @@ def _draw_left(axes: Axes, channel: Observed, lines: Courses, time: TimeAxis, co
     for _, values, colour, dashes in lines:
         line = {"color": colour, "linestyle": dashes, "linewidth": 1.1}
         draw(axes, time, channel.t_ns, channel.measured - values, columns, channel.used, **line)
-    axes.set_ylabel("measured −\neach [K]")
+    axes.set_ylabel("measured −\neach [K]", fontsize=SMALL)
 
 
 def _channel_table(run: Run, channel: Observed, filtered: Filtered, time: TimeAxis) -> FigureTable:

@@ -36,6 +36,7 @@ TOGETHER = 4  # channels in one panel
 ROWS = 40  # of the table behind a plot
 NEAR_LIMIT = 0.5  # of the temperatures' range: a limit that is further away is not drawn
 STRIP = 0.38  # inches: height of the inputs under a plot
+SMALL = 7.0  # points: titles of axes of low panels
 WIDTH = 7.6  # inches: the text width of an A4 page
 AXES: Mapping[str, tuple[str, str]] = {  # unit at the end of an input's name -> (title of its panel, unit)
     "rpm": ("speed", "rpm"),
@@ -152,7 +153,7 @@ def draw_driving(below: Sequence[Axes], run: Run, columns: int) -> None:
         low = min(0.0, axes.get_ylim()[0])
         axes.set_ylim(low, 1.08)
         axes.set_yticks([])
-        axes.set_ylabel("speed,\nload")
+        axes.set_ylabel("speed,\nload", fontsize=SMALL)
         name_lines(axes, [(low + share * (1.08 - low), text, colour) for share, text, colour in ends])
 
 
@@ -199,7 +200,7 @@ def draw_residuals(axes: Axes, run: Run, group: Sequence[Observed], columns: int
         own: Any = {"color": colour, "linestyle": dashes, "linewidth": 1.1, "gid": named(f"{name} residual [K]")}
         draw(axes, time, observed.t_ns, residual, columns, observed.used, **own)
         ends.append((float(residual[observed.usable][-1]), name, colour))
-    axes.set_ylabel("measured −\nmodel [K]")
+    axes.set_ylabel("measured −\nmodel [K]", fontsize=SMALL)
     if len(group) > 1:
         name_lines(axes, ends)
 
@@ -236,7 +237,7 @@ def _draw_inputs(axes: Axes, unit: str, series: Mapping[str, tuple[Floats, Float
         axes.plot(t, y, color=INK[0] if alone else colour, linestyle=dashes, linewidth=0.8, gid=gid)
         end = float(y[np.isfinite(y)][-1]) if np.isfinite(y).any() else 0.0
         ends.append((end, words.name(name.rpartition("_")[0]), colour))
-    axes.set_ylabel("\n".join((AXES[unit][0], f"[{AXES[unit][1]}]")), fontsize=7)
+    axes.set_ylabel("\n".join((AXES[unit][0], f"[{AXES[unit][1]}]")), fontsize=SMALL)
     axes.yaxis.set_major_formatter(lambda value, _: words.number(value))
     if not alone:
         name_lines(axes, ends)

@@ -35,13 +35,13 @@ def _plot(diagnosis: Diagnosis, law: LawCourse) -> Plot:
 
 
 def _title(law: LawCourse) -> str:
-    """ "Rotor surface-teeth at 12,681 rpm and 147 A: 17.5 W/K with the cause (13.2 to 21.7), 9.4 recalibrated"."""
+    """ "Rotor surface to teeth at 12,681 rpm and 147 A: 17.5 W/K with the cause (13.2 to 21.7), 9.4 recalibrated"."""
     load = " and ".join(f"{words.number(round(value))} {unit(key.rpartition('_')[2])}" for key, value in law.at.items())
     last = max(i for i, speed in enumerate(law.speed_rpm) if speed <= law.trained_rpm[-1][1])
     at = f"{words.number(round(law.speed_rpm[last]))} rpm and {load}"
     ends = [figures(values[last]) for values in (law.extended, law.low, law.high, law.recalibrated, law.published)]
     found, low, high, recalibrated, published = ends
-    place = words.capital(words.name(law.place))
+    place = words.capital(words.name(law.place).replace("-", " to "))
     size = f"{found} {law.unit} with the cause ({low} to {high})"
     return f"{place} at {at}: {size}, {recalibrated} recalibrated, {published} as published"
 
