@@ -132,4 +132,6 @@ def _lump(name: str, members: Sequence[Node]) -> Node:
         region=max(regions, key=lambda region: regions[region]),
         sd=math.hypot(*(node.capacity * node.sd for node in members)) / total,
         limit_degC=min(limits, default=None),
+        along=None,
+        radius=None,
     )

@@ -64,13 +64,16 @@ class Term:
 @dataclass(frozen=True)
 class Node:
     """A lump of the motor: `capacity` [J/K], with `sd` the prior standard deviation of its logarithm; `limit_degC`
-    that it must not pass, None for none."""
+    that it must not pass, None for none. `along`, `radius`: where it is drawn in the motor's cut, from and to: along
+    the shaft, the stack from -1 to 1, and outwards from 0 to 1; None where its name and region say it."""
 
     name: str
     capacity: float  # J/K
     region: str
     sd: float = 0.15
     limit_degC: float | None = None
+    along: tuple[float, float] | None = None
+    radius: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)

@@ -154,7 +154,8 @@ def _cut(node: Node, part: _Part | None) -> Iterator[Node]:
         return
     for name in part.names:
         count = len(part.names)
-        yield replace(node, name=name, capacity=node.capacity / count, sd=_sd(node.sd, count))
+        slice_ = replace(node, name=name, capacity=node.capacity / count, sd=_sd(node.sd, count))
+        yield replace(slice_, along=None, radius=None)
 
 
 def _sources(source: Source, parts: Mapping[str, _Part]) -> Iterator[Source]:

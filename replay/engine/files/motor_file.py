@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from functools import lru_cache
 
 from ingest.errors import TomlError
-from ingest.texts.toml_file import BOOLEAN, NOT_NEGATIVE, NUMBER, POSITIVE, TEXT, TEXTS, Kind, TomlTable, read
+from ingest.texts.toml_file import BOOLEAN, NOT_NEGATIVE, NUMBER, POSITIVE, RANGE, TEXT, TEXTS, Kind, TomlTable, read
 from replay.errors import MotorFileError
 from twin.errors import NetworkError
 from twin.motor.ageing_law import Ageing, ageing_term
@@ -44,7 +44,7 @@ REGIONS = ("copper", "iron", "magnet", "rotor", "housing", "fluid", "bearing", "
 KEYS = {
     "root": ("schema", "name", "scale", "copper", "node", "boundary", "link", "source", "circuit", "configuration"),
     "copper": ("alpha_per_K", "reference_degC"),
-    "node": ("name", "capacity", "region", "sd", "limit_degC"),
+    "node": ("name", "capacity", "region", "sd", "limit_degC", "along", "radius"),
     "boundary": ("name",),
     "link": ("between", "terms"),
     "source": ("node", "terms"),
@@ -86,6 +86,13 @@ def _percent(value: object) -> float:
     return NUMBER.read(value)
 
 
+def _outwards(value: object) -> tuple[float, float]:
+    inner, outer = RANGE.read(value)
+    if not 0 <= inner < outer <= 1:
+        raise ValueError
+    return inner, outer
+
+
 def _full(value: object) -> list[object]:
     if not (isinstance(value, list) and value):
         raise ValueError
@@ -99,6 +106,7 @@ def _numbers(value: object) -> tuple[float, ...]:
 _MOTOR_NAME = Kind("a name of letters, digits, _ . and - in quotes", _name)
 _NUMBERS = Kind("a list of numbers, such as [0, 4000, 16000]", _numbers)
 _ROWS = Kind("a list of rows of numbers, such as [[0, 5], [40, 60]]", lambda value: tuple(map(_numbers, _full(value))))
+_OUTWARDS = Kind("two numbers that rise from 0 to 1, such as [0.4, 0.5]", _outwards)
 _PERCENT = Kind("a number above -100, such as -3.1", _percent)
 _PROPERTY = Kind("a number above 0, or a table {degC = [20, 90], value = [1050, 1005]}", POSITIVE.read)
 
@@ -182,6 +190,8 @@ def _node(table: TomlTable, heated: set[str], flowed: set[str]) -> Node:
         region=table.one_of("region", REGIONS) or _region(name, heated, flowed),
         sd=sd or CAPACITY_SD,
         limit_degC=table.get("limit_degC", NUMBER),
+        along=table.need("along", RANGE) if "radius" in table else table.get("along", RANGE),
+        radius=table.need("radius", _OUTWARDS) if "along" in table else None,
     )
 
 

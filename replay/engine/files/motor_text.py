@@ -111,9 +111,10 @@ def _configuration(one: Configuration, network: Network, whole: bool) -> dict[st
 
 
 def _node(node: Node, whole: bool) -> dict[str, Any]:
-    limit = {} if node.limit_degC is None else {"limit_degC": node.limit_degC}
+    said = {key: getattr(node, key) for key in ("limit_degC", "along", "radius")}
+    said = {key: list(value) if isinstance(value, tuple) else value for key, value in said.items() if value is not None}
     default = {"region": node.region, "sd": node.sd} if whole else {}
-    return {"name": node.name, "capacity": node.capacity, **limit, **default}
+    return {"name": node.name, "capacity": node.capacity, **said, **default}
 
 
 def _places(of: Network | Configuration, network: Network, whole: bool) -> dict[str, Any]:

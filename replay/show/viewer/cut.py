@@ -2,7 +2,7 @@
 
 From the inside: shaft, bearings, rotor, magnets, the rotor's surface, air, teeth, copper, yoke, cooling jacket,
 housing. What is called end, plate or terminal, bearings and fluids with a side stand before the stack (`_a`) or behind
-it (`_b`); `_a` and `_b` elsewhere are its halves, and `_1`, `_2`, ... its slices.
+it (`_b`); `_a` and `_b` elsewhere are its halves, and `_1`, `_2`, ... its slices. A motor file may say otherwise.
 """
 
 from __future__ import annotations
@@ -53,13 +53,13 @@ class HalfRing:
 
 
 def parts(network: Network) -> list[HalfRing]:
-    """A part for each node; no two in the same place."""
+    """A part for each node, where the motor file puts it; of the others no two in the same place."""
     ranks: dict[int, dict[str, list[str]]] = {}
-    for node in network.nodes:
+    placed = [HalfRing(node.name, node.radius, node.along) for node in network.nodes if node.along and node.radius]
+    for node in (node for node in network.nodes if node.along is None):
         found = ranks.setdefault(_rank(node.name, node.region), {})
         found.setdefault(_row(node.name, node.region), []).append(node.name)
     regions = {node.name: node.region for node in network.nodes}
-    placed = []
     for k, rank in enumerate(sorted(ranks)):
         rows = ranks[rank]
         for where in ("end", "stack"):

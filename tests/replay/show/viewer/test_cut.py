@@ -7,6 +7,8 @@ import pytest
 
 from made.places import EXAMPLES
 from replay.engine.files.motor_file import read_motor
+from replay.engine.files.network_text import network_text
+from replay.errors import MotorFileError
 from replay.show.viewer.cut import HalfRing, mesh, parts
 from twin.motor.network import Network
 from twin.motor.slicing import sliced
@@ -46,6 +48,21 @@ def test_slices_lie_one_after_the_other() -> None:
     first, middle, last = at["magnet_1"], at["magnet"], at["magnet_3"]
     assert first.r == middle.r == last.r
     assert first.x[1] < middle.x[0] < middle.x[1] < last.x[0]
+
+
+def test_the_motor_file_may_say_where_a_node_is_drawn() -> None:
+    text = (EXAMPLES / "hust_motor" / "motor.toml").read_text(encoding="utf-8")
+    said = text.replace('name = "winding"\n', 'name = "winding"\nalong = [-1.2, 1.2]\nradius = [0.5, 0.7]\n', 1)
+    at = {part.node: part for part in parts(read_motor(said.encode(), "motor.toml"))}
+    assert (at["winding"].x, at["winding"].r) == ((-1.2, 1.2), (0.5, 0.7))
+    assert len(at) == 3 and at["rotor"].x == parts(motor("hust_motor"))[0].x
+    again = read_motor(network_text(read_motor(said.encode(), "motor.toml"), "drawn"), "drawn.toml")
+    assert {part.node: part for part in parts(again)} == at
+    for wrong, says in (("radius = [0.5, 0.7]", "radius is missing"), ("along = [-1.2, 1.2]", "along is missing")):
+        with pytest.raises(MotorFileError, match=says):
+            read_motor(said.replace(f"{wrong}\n", "").encode(), "motor.toml")
+    with pytest.raises(MotorFileError, match="two numbers that rise from 0 to 1"):
+        read_motor(said.replace("[0.5, 0.7]", "[0.5, 1.7]").encode(), "motor.toml")
 
 
 def test_a_part_is_a_closed_half_ring_with_normals_that_point_out_of_it() -> None:
