@@ -16,12 +16,15 @@ VERB = re.compile(r"\bwhyhot ([a-z]+)(?! --store)(?= |$)")
 
 def onward(text: str, store: Path = DEFAULT_STORE) -> str:
     """`text` with a line for each of its next commands where one line is too short for all, on `store` where that is
-    not the default one."""
+    not the default one. What was laid out so already stays."""
     return NEXT.sub(lambda found: found[1] + _laid_out(found[2], len(found[1]), store), text)
 
 
 def _laid_out(commands: str, indent: int, store: Path) -> str:
-    line = re.sub(r"\n +", " ", commands)
+    lines = [line.strip() for line in commands.splitlines()]
+    if len(lines) > 1 and all(line.startswith("whyhot ") and not line.endswith(BETWEEN.rstrip()) for line in lines):
+        return commands
+    line = " ".join(lines)
     if store != DEFAULT_STORE:
         line = VERB.sub(lambda found: f"whyhot {found[1]} --store {shlex.quote(str(store))}", line)
     fits = indent + len(line) <= width()
