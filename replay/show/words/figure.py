@@ -166,8 +166,9 @@ def kept_apart(axes: Axes, names: Sequence[tuple[float, str]]) -> list[tuple[flo
     assert figure is not None, "axes are drawn in a figure"
     height = axes.get_position().height * figure.get_figheight()
     spread = LINE / height * np.arange(len(ranked))
-    wanted = np.clip([(y - low) / (high - low) for y, _ in ranked], 0.0, 1.0)
-    places = isotonic_regression(wanted - spread).x + spread
+    free = max(0.0, 1.0 - float(spread[-1])) if ranked else 0.0  # so that none stands beside the panel above or below
+    wanted = np.array([(y - low) / (high - low) for y, _ in ranked])
+    places = isotonic_regression(np.clip(wanted - spread, 0.0, free)).x + spread
     return [(float(place), text) for place, (_, text) in zip(places, ranked, strict=True)]
 
 

@@ -1,0 +1,20 @@
+"""The empty figure that every plot begins from: where names at the ends of lines stand."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import pytest
+
+from replay.show.words.figure import LINE, kept_apart, panels
+
+
+@pytest.mark.parametrize("ends", [(9.8, 9.9, 10.0), (0.0, 0.1, 0.1), (10.4, 2.0, 2.1)])
+def test_names_stand_apart_and_within_their_panel_so_that_none_meets_those_of_the_next(ends: tuple[float, ...]) -> None:
+    height = 0.8  # inches: room for three names
+    figure, (axes, _) = panels(7.6, (height, height))
+    axes.set_ylim(0.0, 10.0)
+    places = [place for place, _ in kept_apart(axes, [(y, f"line {y}") for y in ends])]
+    step = LINE / (axes.get_position().height * figure.get_figheight())
+    assert all(upper - lower >= step - 1e-9 for lower, upper in pairwise(places))
+    assert places[0] >= 0.0 and places[-1] <= 1.0 + 1e-9
