@@ -137,8 +137,9 @@ def _batches(found: Assessment) -> Iterator[str]:
 
 def _law(law: AgeingLaw) -> str:
     begins = f" from {law.from_h:.0f} h on" if law.from_h else ""
-    size = f"{law.percent_per_100h:+.1f} % per 100 h{begins} (± {law.sd:.1f})"
-    text = f"insulation conducts {size}, from {law.source}".replace("-", "−")
+    much = "less" if law.percent_per_100h < 0 else "more"
+    size = f"{abs(law.percent_per_100h):.1f} % {much} each 100 h{begins} (± {law.sd:.1f})"
+    text = f"insulation conducts {size}, from {law.source}"
     return f"{text}; written into model {words.short(law.model)}: replay takes it into account" if law.model else text
 
 

@@ -215,7 +215,7 @@ def _why_not(naming: Naming, one: Round, refit: Refit) -> str:
     best, last = one.best, one is naming.rounds[-1]
     ahead = best.log_bayes_factor if best else 0.0
     if not refit.ended:
-        return f"its search was stopped where it promised to stay {ahead - refit.promised:.1f} behind in ln BF"
+        return f"its refit was stopped early: it would have stayed about {ahead - refit.promised:.1f} behind in ln BF"
     if not refit.possible:
         return "it would have to take away more than there is"
     if refit.left_out is not None:

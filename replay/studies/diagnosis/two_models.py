@@ -11,13 +11,11 @@ from replay.studies.diagnosis.answer_parts import with_unit
 from replay.studies.diagnosis.question import Question
 from replay.studies.diagnosis.search import Found
 from twin.diagnosis import two_models as twin
+from twin.diagnosis.in_words import Plain
 from twin.diagnosis.next_tests import load_of
 from twin.differences.everyday import everyday
 from twin.errors import DivergedError
-from twin.fitting import actions
-from twin.fitting.actions import Parameter
 from twin.fitting.model import Test
-from twin.motor.features import placed_terms
 from twin.motor.network import Network
 
 RELIEVED = 3  # told at most
@@ -30,6 +28,7 @@ def two_models(question: Question, found: Found, kept: Sequence[Test]) -> TwoMod
     if not (found.swaps or any(not refit.candidate.repeated for refit in found.naming.accepted)):
         return None
     network = before.model.network
+    plain = Plain(network)
     sessions, tests = (question.kept, kept) if kept else (question.train, before.model.tests)
     try:
         inside, points = twin.inside(before, after, tests), twin.points(before, after)
@@ -46,7 +45,7 @@ def two_models(question: Question, found: Found, kept: Sequence[Test]) -> TwoMod
     return TwoModels(
         over_kept=bool(kept),
         relieved=[
-            answer.Relieved(parameter=called(one.parameter, network), before_sd=one.before, after_sd=one.after)
+            answer.Relieved(parameter=plain.says(one.parameter), before_sd=one.before, after_sd=one.after)
             for one in relief[:RELIEVED]
         ],
         inside=unseen,
@@ -81,19 +80,3 @@ def _sensor(inside: Sequence[twin.NodeApart], points: Sequence[twin.PointApart],
     if abs(differ_K) < twin.TELLS * floor_K:
         return None
     return Telling(says=words, node=node, channel=None, differ_K=differ_K, times_sensor=abs(differ_K) / floor_K)
-
-
-def called(parameter: Parameter, network: Network) -> str:
-    """A healthy difference in a few words: "conductance jacket-coolant", "loss of teeth near 8,000 rpm"."""
-    placed = list(placed_terms(network))
-    links = sum(len(link.terms) for link in network.links)
-    match parameter.action:
-        case actions.Scale(terms):
-            place = placed[terms[0]][0].replace("_", " ")
-            sides = " on both sides" if len(terms) > 1 else ""
-            return f"{'conductance' if terms[0] < links else 'loss of'} {place}{sides}"
-        case actions.Tent(terms, speeds, knot, current):
-            near = f"near {speeds[knot] * network.scale['speed']:,.0f} rpm"
-            return f"loss of {placed[terms[0]][0].replace('_', ' ')} {near}{' with current' * current}"
-    kind, place, *what = parameter.name.replace("_", " ").split(".")
-    return ", ".join([f"{kind} {place}", *([" ".join(what)] if what else [])])
