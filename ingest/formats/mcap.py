@@ -54,6 +54,7 @@ class _Topic:
     columns: dict[str, tuple[array[int], array[float]]] = field(default_factory=dict)
     no_numbers: dict[str, int] = field(default_factory=dict)  # fields that are something else -> how often
     number: array[int] = field(default_factory=lambda: array("q"))  # of each among all messages of the file
+    unit: str = ""  # of its numbers, where the channel's metadata say one
 
 
 @dataclass
@@ -103,7 +104,7 @@ class McapLog(JoinedTables):
         return None
 
     def _take(self, schema: Any, channel: Any, message: Any, number: int) -> None:
-        topic = self._topics.setdefault(channel.topic, _Topic(channel.topic))
+        topic = self._topics.setdefault(channel.topic, _Topic(channel.topic, unit=channel.metadata.get("unit", "")))
         place = len(topic.t_ns)
         topic.t_ns.append(message.log_time)
         if self.sought:
@@ -208,7 +209,7 @@ def _table(topic: _Topic, origin_ns: int, where: Callable[[int], str]) -> OwnTim
     return OwnTimes(
         name=topic.name,
         columns=tuple(f"{topic.name}.{name}" if name else topic.name for name in names),
-        units=("",) * len(names),
+        units=(topic.unit,) * len(names),
         t_ns=stamps + origin_ns,
         bad=bad,
         cells=cells,

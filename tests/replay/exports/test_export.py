@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import errno
-import json
+import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from datetime import UTC, datetime
@@ -13,11 +13,13 @@ from pathlib import Path
 
 import duckdb
 import numpy as np
+import pyarrow as pa
 import pytest
 from mcap.reader import make_reader
 from numpy.typing import NDArray
 from openpyxl import load_workbook
 from python_calamine import CalamineWorkbook
+from rerun.chunk import McapReader
 
 from ingest.catalogue.channels import load
 from ingest.facts import facts as ledger_facts
@@ -31,6 +33,7 @@ from replay.exports.samples import session_rows
 Floats = NDArray[np.float64]
 Read = Mapping[str, tuple[Floats, Floats]]  # channel -> its stamps [s since 1970, or since the start] and values
 NASTY = '=1+1,"-x;y",T_Rücken\n'
+SAMPLE = "whyhot.Sample:message"  # what rerun calls a message
 NAMES = ("=1+1", "-x;y", "T_Rücken")
 
 
@@ -132,23 +135,32 @@ def by_duckdb(path: Path) -> Read:
     return of_columns(found.columns, rows)
 
 
-def by_mcap(path: Path) -> Read:
+def by_rerun(path: Path) -> Read:
+    """The numbers of each message, which rerun finds by the schema in the file and draws as curves."""
     found: dict[str, list[tuple[float, float]]] = {}
-    with path.open("rb") as file:
-        for schema, channel, message in make_reader(file).iter_messages():
-            assert schema is not None and channel.message_encoding == "json" and schema.encoding == "jsonschema"
-            said, fields = json.loads(message.data), json.loads(schema.data)["properties"]
-            for name, value in said.items():
-                assert fields[name]["type"] == "number"
-                found.setdefault(name, []).append((message.log_time / 1e9, value))
-    return {name: (np.array(own)[:, 0], np.array(own)[:, 1]) for name, own in found.items()}
+    for chunk in McapReader(path).stream():
+        table = chunk.to_record_batch()
+        if SAMPLE in table.schema.names:
+            name = re.sub(r"\\(.)", r"\1", str(chunk.entity_path)).removeprefix("/samples/")
+            t_ns = table["message_log_time"].cast(pa.int64()).to_pylist()
+            values = [one[0]["value"] for one in table[SAMPLE].to_pylist()]
+            found.setdefault(name, []).extend((at / 1e9, value) for at, value in zip(t_ns, values, strict=True))
+    return {name: (np.array(sorted(own))[:, 0], np.array(sorted(own))[:, 1]) for name, own in found.items()}
+
+
+def by_our_mcap_reader(path: Path) -> Read:
+    return {name[len("/samples/") : -len(".value")]: own for name, own in _by_our_reader(path).items()}
 
 
 def by_our_mf4_reader(path: Path) -> Read:
+    return {name.rpartition("/")[2]: own for name, own in _by_our_reader(path).items()}
+
+
+def _by_our_reader(path: Path) -> Read:
     log = open_log(path)
     (batch,) = log.batches()
     assert isinstance(batch, Rows)
-    columns = {name.rpartition("/")[2]: np.asarray(own, np.float64) for name, own in batch.columns.items()}
+    columns = {name: np.asarray(own, np.float64) for name, own in batch.columns.items()}
     return {name: (batch.t_ns[~np.isnan(own)] / 1e9, own[~np.isnan(own)]) for name, own in columns.items()}
 
 
@@ -168,7 +180,8 @@ def by_asammdf(path: Path) -> Read:
         (("--to", "xlsx"), by_openpyxl, 1e-3),
         (("--to", "xlsx"), by_calamine, 1e-3),
         (("--to", "parquet"), by_duckdb, 1e-6),
-        (("--to", "mcap"), by_mcap, 1e-6),
+        (("--to", "mcap"), by_rerun, 1e-6),
+        (("--to", "mcap"), by_our_mcap_reader, 1e-6),
         (("--to", "mf4"), by_our_mf4_reader, 1e-6),
         (("--to", "mf4"), by_asammdf, 1e-6),
     ],
@@ -193,9 +206,12 @@ def test_names_stand_with_their_units(folder: Path, tmp_path: Path) -> None:
     assert ("session", "can") in ask(
         f"SELECT decode(key), decode(value) FROM parquet_kv_metadata('{parquet}')"
     ).fetchall()
-    with exported(folder, tmp_path / "a.mcap", "--to", "mcap").open("rb") as file:
-        (schema,) = make_reader(file).get_summary().schemas.values()  # type: ignore[union-attr]
-    assert json.loads(schema.data)["properties"]["TC_yoke"] == {"type": "number", "description": "degC"}
+    mcap = exported(folder, tmp_path / "a.mcap", "--to", "mcap")
+    with mcap.open("rb") as file:
+        channels = make_reader(file).get_summary().channels.values()  # type: ignore[union-attr]
+    assert {one.topic: one.metadata["unit"] for one in channels}["/samples/TC_yoke"] == "degC"
+    log = open_log(mcap)
+    assert [*log.batches()] and log.units["/samples/TC_yoke.value"] == "degC"
 
 
 def test_a_spreadsheet_runs_no_name_as_a_formula(folder: Path, tmp_path: Path) -> None:
