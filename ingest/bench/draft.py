@@ -11,7 +11,7 @@ from unicodedata import normalize
 
 from ingest.bench.signals import Directory, Signal
 from ingest.errors import UnitError
-from ingest.texts.guessing import guess, words
+from ingest.texts.guessing import guess, unit_in_name, words
 from ingest.texts.quantities import PEAK, STORED_UNIT, converter
 
 _NOT_DRAFTED = ("counter", "state")  # not needed to replay a motor
@@ -108,7 +108,8 @@ def _entry(signal: Signal, reference: str, quantity: str, shared: bool) -> str:
             'convention = "peak"' if peak else '# convention = "peak"         # where the log holds amplitudes'
         )
     if quantity == "temperature":
-        lines.append(f'node = "{_node(signal.name)}"')
+        bare = signal.name.removesuffix(f"_{unit_in_name(signal.name)}")
+        lines.append(f'node = "{_node(bare)}"')
     return "\n" + "\n".join(lines) + "\n"
 
 

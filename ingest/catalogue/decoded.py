@@ -19,6 +19,7 @@ from ingest.bench.signals import Directory, Signal
 from ingest.errors import DamageError, UnitError
 from ingest.facts.events import DecodeCompleted
 from ingest.facts.facts import Facts
+from ingest.texts.guessing import guess, unit_in_name
 from ingest.texts.quantities import Conversion, converter
 
 if TYPE_CHECKING:
@@ -149,13 +150,16 @@ def _of_bench(bench: Bench, decode: DecodeCompleted) -> list[ChannelSource]:
 
 
 def _guess(entry: Entry) -> ResolvedChannel:
-    """A signal that no bench file speaks of: of the guessed quantity where the file's unit fits that, else of none."""
-    quantity, unit = entry["quantity"] or "", entry["unit"] or ""
+    """A signal that no bench file speaks of: of the guessed quantity where its unit fits that, else of none. The unit
+    is the file's, or what the name ends in."""
+    name = entry["name"]
+    unit = entry["unit"] or unit_in_name(name) or ""
+    quantity = entry["quantity"] or guess(name, unit) or ""
     try:
         conversion = converter(unit, quantity)
     except UnitError:
         quantity, conversion = "", Conversion()
-    return ResolvedChannel(entry["name"], quantity, unit, conversion=conversion, signals=(), role=entry["role"])
+    return ResolvedChannel(name, quantity, unit, conversion=conversion, signals=(), role=entry["role"])
 
 
 @contextmanager

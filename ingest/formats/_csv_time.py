@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from math import isnan
 from statistics import median
 from typing import Any
@@ -35,6 +36,7 @@ TIME_NAMES = frozenset(
     ("time", "times", "timestamp", "timestampepoch", "epoch", "unixtime", "datetime", "elapsed", "elapsedtime")
 ) | frozenset(("zeit", "zeitstempel", "datumzeit", "tempo", "dataora", "dataeora"))
 EPOCH_NS = (1e18, 4e18)  # a column of numbers between these [ns] counts from 1970: years 2001 to 2096
+LOOSE_NS = 2_000_000_000  # stamps of whole seconds and what counts beside them: apart by this at most
 NO_RECORD = np.empty(0, np.int64)  # stamps need none
 
 
@@ -80,11 +82,10 @@ def _found(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
             return _stated(time, column, dialect, log)
         if clock := _of_two(time, {f"{time.format} in {time.zone}": pattern}, dialect):
             return clock
-    for column in named:
-        number = dialect.numeric[dialect.names.index(column)] is True
-        rising = not number or rises(np.array(_numbers(dialect, column)))
-        if rising and (clock := _by_content(time, column, dialect)):
-            return clock
+    clocks = [clock for column in named if (clock := _of_named(time, column, dialect))]
+    if clocks:
+        dated = next((clock for clock in clocks if clock.absolute), clocks[0])
+        return clocks[0] if clocks[0].absolute else _dated(clocks[0], dated, dialect)
     for column in dialect.names:
         if clock := _stamped(time, column, dialect):
             return clock
@@ -103,6 +104,35 @@ def _found(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
     )
 
 
+def _of_named(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
+    """The clock of a column that is called as times are; None for numbers that do not go on as time does."""
+    number = dialect.numeric[dialect.names.index(column)] is True
+    return None if number and not rises(np.array(_numbers(dialect, column))) else _by_content(time, column, dialect)
+
+
+def _dated(counted: Clock, dated: Clock, dialect: Dialect) -> Clock:
+    """The clock of a table with a column that counts and one of dates: the dates where they tell every row from the one
+    before it; else what counts, from the date of the first row, where both go on alike; else what counts alone."""
+    if not dated.absolute or not isinstance(counted, Counted):
+        return counted
+    (since, bad), (t_ns, none) = (one.t_ns(_time_cells(one, dialect), NO_RECORD) for one in (counted, dated))
+    since, t_ns = since[~(bad | none)], t_ns[~(bad | none)]
+    if len(t_ns) > 1 and (np.diff(t_ns) > 0).all():
+        return dated
+    if not len(t_ns) or abs(t_ns[-1] - t_ns[0] - (since[-1] - since[0])) > LOOSE_NS:
+        return counted
+    says = f"{counted.says}, dated by {dated.columns[0]}"
+    return replace(counted, says=says, absolute=True, origin_ns=int(t_ns[0] - since[0]))
+
+
+def _time_cells(clock: Clock, dialect: Dialect) -> NDArray[Any]:
+    """The cells of a clock's column in the sample, as it wants them."""
+    cells = _cells(dialect, clock.columns[0])
+    if clock.is_text:
+        return np.array(cells, object)
+    return np.array([np.nan if (one := dialect.numerals.value(cell)) is None else one for cell in cells])
+
+
 def _by_content(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
     """Numbers counted from the start or from 1970, or stamps of a known form; None for anything else."""
     if dialect.numeric[dialect.names.index(column)] is not True:
@@ -119,6 +149,8 @@ def _by_content(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
 
 
 def _stamped(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
+    if time.column is None and "utc" in words(column):  # its name says the zone
+        time = replace(time, zone="UTC")
     return _of_cells(time, _known(time), (column,), dialect)
 
 
@@ -224,7 +256,13 @@ def is_time_name(name: str) -> bool:
 
 
 def base_and_unit(name: str) -> tuple[str, str | None]:
-    """The name of a column and the unit in it: ("time", "s") of `Time [s]`, `time_s` and `Time in s`."""
-    words = [word for word in re.findall(r"[^\W_]+", name.casefold()) if word != "in"]
-    unit = words.pop() if len(words) > 1 and words[-1] in UNITS_NS else None
-    return "".join(words), unit
+    """The name of a column and the unit in it: ("time", "s") of `Time [s]`, `time_s` and `Time in s`; `time_utc` is
+    called ("time", None)."""
+    said = [word for word in words(name) if word not in ("in", "utc")]
+    unit = said.pop() if len(said) > 1 and said[-1] in UNITS_NS else None
+    return "".join(said), unit
+
+
+def words(name: str) -> list[str]:
+    """The words of a column's name, in lower case."""
+    return re.findall(r"[^\W_]+", name.casefold())

@@ -6,7 +6,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +22,7 @@ from ingest.log.databases import Database, load, merged
 from ingest.log.j1939 import explained
 from ingest.log.reading import LogReading, Reader
 from ingest.log.recording import identifier_in, identifiers, read
-from ingest.texts.guessing import guess
+from ingest.texts.guessing import guess, unit_in_name
 
 NAMED = 3  # logs in the first comment of a draft; more are counted
 
@@ -83,14 +83,19 @@ def inspect(files: Sequence[Path], databases: Sequence[Path], bench: Path | None
             guess(signal.name, signal.unit),
             *(ranges.get(signal.name, (None, None)) if not signal.message else (None, None)),
         )
-        for signal in signals_in(loaded, readings)
+        for signal in _signals(loaded, readings)
     )
     return Inspection(looked, seen, _unknown(loaded, readings), _at_once(loaded, readings))
 
 
+def _signals(databases: Sequence[Database], readings: Sequence[LogReading]) -> list[Signal]:
+    """The signals of logs, each with the unit that its name ends in where the log says none."""
+    return [replace(one, unit=one.unit or unit_in_name(one.name)) for one in signals_in(databases, readings)]
+
+
 def _at_once(databases: Sequence[Database], readings: Sequence[LogReading]) -> tuple[frozenset[Signal], ...]:
     return tuple(
-        frozenset(signals_in(databases, [other for other in readings if other is one or _overlap(one, other)]))
+        frozenset(_signals(databases, [other for other in readings if other is one or _overlap(one, other)]))
         for one in readings
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from ingest.texts.units import normal_unit, tidy, without_mark
+from ingest.texts.units import normal_unit, spellings, tidy, without_mark
 
 _OF_UNIT: Mapping[str, str] = {  # quantity -> units that speak for it
     "temperature": "degC K degF",
@@ -48,6 +48,7 @@ _PLACES = (  # of thermocouples whose column says no more than where they sit
     "|_mag_|_amb_|_brg_|cool|_oil_|joch|zahn|r(ue|ü)cken|_nut_|blechpaket|vorlauf|r(ue|ü)cklauf|_(oe|ö)l_|_avv_|giogo"
     "|_dente_|_cava_|statore|rotore|carcassa|raffredd|_olio_"
 )
+_LOOSELY_SPELT = ("nm", "degc", "degf")  # units at the end of names, in lower case
 _NO_TEMPERATURE = "pos_|position|angle|winkel|press|druck|level|humid"
 _COMMAND = "_(ref|cmd|command|set|setpoint|req|request|demand|target|desired)_|soll"
 
@@ -66,6 +67,21 @@ def guess(signal: str, unit: str | None = None) -> str | None:
     if quantity and by_name and by_name.startswith(f"{quantity}_"):  # current -> current_d
         return _commanded(by_name, name)
     return _commanded(_refined(quantity, name, known or ""), name)
+
+
+def unit_in_name(signal: str) -> str | None:
+    """The unit that a name ends in, where it speaks for a quantity: "degC" of `EW_3_degC` and `T (°C)`, "A" of
+    `current_A`. None for `winding_A`, where a letter is more likely one of several places or phases."""
+    inner = re.search(r"\(([^()]+)\)\s*$", signal)
+    if inner:
+        return inner[1] if normal_unit(inner[1]) in _BY_UNIT else None
+    rest, _, last = signal.rpartition("_")
+    if not rest or not (last in spellings() or last.lower() in _LOOSELY_SPELT):
+        return None
+    quantity = _BY_UNIT.get(normal_unit(last) or "")
+    by_name = next((one for one, holds in _BY_NAME.items() if re.search(holds, words(rest))), "")
+    alone = len(last) > 1 or (quantity is not None and by_name.split("_")[0] == quantity)
+    return last if quantity and alone else None
 
 
 def words(signal: str) -> str:

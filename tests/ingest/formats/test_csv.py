@@ -350,6 +350,29 @@ def test_a_time_column_is_recognised(
     assert log.settings["time_column"] == header
 
 
+@pytest.mark.parametrize(
+    ("text", "second_ns", "says"),
+    [
+        ("t_s,time_utc,T\n0,2024-03-01T08:00:00,1\n1,2024-03-01T08:00:01,2\n", S_NS, "ISO 8601 in UTC"),
+        ("t_s;time_utc;T\n0;01.03.2024 08:00:00,0;1\n1;01.03.2024 08:00:01,0;2\n", S_NS, "day.month.year in UTC"),
+        (
+            "t_s,Zeitstempel,T\n0.0,01.03.2024 09:00:00,1\n0.5,01.03.2024 09:00:00,2\n",
+            S_NS // 2,
+            "s from the start, dated by Zeitstempel",
+        ),
+    ],
+)
+def test_a_date_beside_a_column_that_counts_is_not_lost(tmp_path: Path, text: str, second_ns: int, says: str) -> None:
+    log, t_ns, _ = read(table(tmp_path, text), TimeSpec(zone="Europe/Berlin"))
+    assert log.absolute and log.settings["time"] == says
+    assert t_ns == [MARCH_NS, MARCH_NS + second_ns]
+
+
+def test_a_date_that_does_not_go_on_with_the_rows_dates_nothing(tmp_path: Path) -> None:
+    log, _, _ = read(table(tmp_path, "t_s,time,T\n0,2024-03-01T08:00:00,1\n9,2024-03-01T08:00:00,2\n"))
+    assert not log.absolute and log.settings["time"] == "s from the start"
+
+
 def test_a_column_t_that_does_not_rise_is_a_temperature(tmp_path: Path) -> None:
     path = table(tmp_path, "t,n\n20,1\n19.5,1\n19.0,1\n20,1\n")
     with pytest.raises(

@@ -35,6 +35,14 @@ def test_a_column_of_several_tables_spans_them_all(tmp_path: Path) -> None:
     assert (seen.low, seen.high) == (15.0, 90.0)
 
 
+def test_a_unit_at_the_end_of_a_name_is_seen_and_drafted(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("time,speed_rpm,EW_3_degC\n0,1000,20\n1,1001,21\n", encoding="utf-8")
+    found = inspect([path], [], None)
+    assert [(one.signal.unit, one.quantity) for one in found.signals] == [("rpm", "speed"), ("degC", "temperature")]
+    assert 'unit = "degC"\nnode = "ew_3"\n' in draft(found) and "CHECK: the log" not in draft(found)
+
+
 @pytest.mark.parametrize(("count", "named"), [(1, "0.csv"), (3, "0.csv, 1.csv, 2.csv"), (4, "4 logs")])
 def test_a_draft_names_the_logs_that_it_is_for(tmp_path: Path, count: int, named: str) -> None:
     files = [csv(tmp_path / f"{i}.csv", 20.0, 21.0) for i in range(count)]

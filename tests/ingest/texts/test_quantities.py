@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ingest.errors import UnitError
-from ingest.texts.guessing import guess
+from ingest.texts.guessing import guess, unit_in_name
 from ingest.texts.quantities import PEAK, STORED_UNIT, Conversion, column_suffix, converter, other_unit
 from ingest.texts.units import normal_unit, spellings
 
@@ -197,3 +197,25 @@ def test_a_unit_row_contradicts_only_what_it_says_otherwise(
 )
 def test_a_quantity_is_guessed_from_unit_and_name(signal: str, unit: str | None, quantity: str | None) -> None:
     assert guess(signal, unit) == quantity
+
+
+@pytest.mark.parametrize(
+    ("signal", "unit"),
+    [
+        ("EW_3_degC", "degC"),
+        ("speed_rpm", "rpm"),
+        ("torque_nm", "nm"),
+        ("current_A", "A"),
+        ("P_el_W", "W"),
+        ("Torque (Nm)", "Nm"),
+        ("T (°C)", "°C"),
+        ("winding_A", None),
+        ("torque_A", None),
+        ("T_min", None),
+        ("speed_ma", None),
+        ("rpm", None),
+        ("T (left)", None),
+    ],
+)
+def test_a_unit_is_read_off_a_name_where_it_speaks_for_a_quantity(signal: str, unit: str | None) -> None:
+    assert unit_in_name(signal) == unit

@@ -274,3 +274,13 @@ def test_only_a_csv_is_for_the_excel_of_a_country(folder: Path, capsys: pytest.C
     assert (
         "--excel is for --to csv: Excel reads numbers and dates of an xlsx file as they are" in capsys.readouterr().err
     )
+
+
+@pytest.mark.parametrize("words", [("csv",), ("csv", "--excel", "de"), ("xlsx",), ("parquet",), ("mcap",), ("mf4",)])
+def test_what_went_out_is_read_in_again_with_its_date_and_units(
+    folder: Path, tmp_path: Path, words: tuple[str, ...]
+) -> None:
+    log = open_log(exported(folder, tmp_path / f"a.{words[0]}", "--to", *words))
+    start_ns = min(int(batch.t_ns.min()) for batch in log.batches())
+    assert log.absolute and start_ns == int(can_bench.START * 1e9)
+    assert "degC" in log.units.values() and "rpm" in log.units.values()
