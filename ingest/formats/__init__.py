@@ -252,21 +252,6 @@ FORMATS: tuple[Format, ...] = (
 ANY_TEXT = FORMATS[-1]  # what a text is taken for that looks like no other
 HEAD = 4096  # bytes that tell what a file is
 CONTROLS = bytes({*range(32)} - set(b"\t\n\r\f"))  # which a text does not hold
-OTHERS: Mapping[bytes, str] = {  # first bytes -> what such a file is, and what to do
-    b"%PDF": "a PDF document. Export the table that is in it as CSV",
-    b"\xd0\xcf\x11\xe0": "an old Office file, or one with a password. Save it as XLSX without a password, or as CSV",
-    b"MATLAB 5.0 MAT": "a MATLAB file. Export the table with writetable(T, 'log.csv'), or with parquetwrite",
-    b"\x89HDF": "an HDF5 file (also of MATLAB 7.3: there writetable(T, 'log.csv')). Export the table as Parquet or CSV",
-    b"|CF,": "a file of imc FAMOS. Export the channels there as MDF4, or as CSV",
-    b"DIAEXTENDED": "a DAT header of DIAdem. Save the data as TDMS there (File, Save as)",
-    b"PARE": "an encrypted Parquet file. Export it without encryption",
-    b"FEA1": "a Feather file of version 1. Export it as version 2, or as Parquet",
-    **dict.fromkeys((b"7z\xbc\xaf", b"Rar!", b"BZh", b"\xfd7zXZ"), "packed in a way that is not read. Unpack it first"),
-}
-OTHER_TEXTS: Mapping[bytes, str] = {  # found in the first bytes -> as `OTHERS`
-    b"<atfx_file": "ATFX of an ASAM ODS server. Export the measurement as MDF4 or CSV in what wrote it",
-    b"<usi:tdm": "the header of a TDM file of DIAdem. Save the data as TDMS there (File, Save as)",
-}
 ENDS = dict.fromkeys(suffix for entry in FORMATS for suffix in entry.suffixes)  # of names, each once
 SUFFIXES = " ".join(ENDS)  # as help and refusals list them
 
@@ -279,20 +264,20 @@ def recognise(path: Path) -> Format:
     head = head_of(path)
     if not head:
         raise UnreadableLogError(f"{path.name}: is empty (0 bytes): nothing to read. Copy the file again.")
+    no_logs = import_module("ingest.formats._no_logs")
+    if other := no_logs.no_log(head, path):
+        raise UnreadableLogError(f"{path.name}: is {other}.")
     for entry in FORMATS:
         if entry.magic and head.startswith(entry.magic) and _claimed(entry, path):
             return entry
     for entry in FORMATS:
         if entry.looks and re.search(entry.looks, head) and _claimed(entry, path):
             return entry
-    known = [what for magic, what in OTHERS.items() if head.startswith(magic)]
-    known += [what for mark, what in OTHER_TEXTS.items() if mark in head]
-    if known:
-        raise UnreadableLogError(f"{path.name}: is {known[0]}.")
     if is_text(head):
         texts = (entry for entry in FORMATS if not entry.magic and path.name.lower().endswith(entry.suffixes))
         return next(texts, ANY_TEXT)
-    raise UnreadableLogError(f"{path.name}: is none of the known log formats ({SUFFIXES}). Export it as one of these.")
+    todo = no_logs.by_name(path) or "Export it as one of these"
+    raise UnreadableLogError(f"{path.name}: is none of the known log formats ({SUFFIXES}). {todo}.")
 
 
 def _claimed(entry: Format, path: Path) -> bool:

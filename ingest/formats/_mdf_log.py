@@ -48,7 +48,10 @@ class MdfLog(Log):
             self._problems.append(str(broken))
 
     def _of_version_4(self, mdf: Mdf) -> Iterator[tuple[Mdf, Records]]:
-        header = mdf.block(HEADER_AT, b"##HD")
+        try:
+            header = mdf.block(HEADER_AT, b"##HD")
+        except BrokenBlock:
+            raise BrokenBlock(f"its first block, at byte {HEADER_AT}, is damaged or encrypted") from None
         self._take_start(self._start_of(header.data))
         groups = mdf.chain(header.links[0] if header.links else 0, b"##DG")
         yield from ((mdf, records) for records in self._each(groups, mdf.records))

@@ -34,6 +34,8 @@ DAMAGE = (sqlite3.Error, UnicodeDecodeError)  # the latter where its words for t
 BATCH = 100_000  # rows that are read at once
 LATEST_S = LATE_NS / 1e9
 
+ROS = {"topics", "messages"}  # tables of a bag of ROS 2
+
 
 @dataclass
 class CanDbLog(Log):
@@ -70,9 +72,11 @@ class CanDbLog(Log):
             ]:
                 self.settings["table"] = name.decode(errors="replace")
                 return database.execute(f"SELECT {', '.join(COLUMNS)} FROM {quoted}")
+        names = {name.decode(errors="replace") for (name,) in tables}
+        todo = "mcap convert log.db3 log.mcap" if names >= ROS else "sqlite3 -header -csv FILE 'SELECT * FROM TABLE'"
         raise UnreadableLogError(
-            f"{self.path.name}: is an SQLite database without a table of CAN frames (columns {', '.join(COLUMNS)}), as "
-            "python-can writes it. Export it as CSV."
+            f"{self.path.name}: is {'a bag of ROS 2' if names >= ROS else 'an SQLite database'} without a table of CAN "
+            f"frames (columns {', '.join(COLUMNS)}), as python-can writes it. Export it: {todo}."
         )
 
     def _batch(self, rows: list[tuple[Any, ...]]) -> Iterator[Frames]:

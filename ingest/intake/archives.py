@@ -21,7 +21,7 @@ import pyarrow as pa
 from ingest.errors import IngestError, UnreadableLogError
 from ingest.formats import GZIP, head_of, is_text, most_unpacked
 
-WORKBOOK = rb"\[Content_Types\]|_rels/|docProps/|xl/|customXml/"  # how the first file in one is called
+WORKBOOK = rb"\[Content_Types\]|_rels/|docProps/|xl/|customXml/|mimetype"  # how the first file in one is called
 ZIP = re.compile(rb"PK(?:\x05\x06|\x03\x04.{26}(?!" + WORKBOOK + rb"))", re.DOTALL)
 ZSTD = b"\x28\xb5\x2f\xfd"
 BLOCK = 1 << 16  # bytes that are unpacked at once: at most so many are lost before a cut
@@ -54,7 +54,7 @@ def unpacked(path: Path, folder: Path) -> tuple[list[Path], list[str]]:
                     raise IngestError(f"{path.name}: there is no room to unpack it in {folder}: make some.") from None
                 lines.append(f"{target.name}: {_wrong(error, target)}")
             except RuntimeError:  # what zipfile raises for it
-                lines.append(f"{target.name}: has a password. Unpack it first.")
+                lines.append(f"{target.name}: has a password. Unpack it first (7z x asks for it).")
             files += [target] if target.is_file() else []
             if left < 0 or number == MEMBERS:
                 what = f"unpacks to more than {most:,} bytes" if left < 0 else f"holds over {MEMBERS:,} files"

@@ -79,14 +79,17 @@ def test_a_database_that_is_cut_keeps_what_comes_before(tmp_path: Path) -> None:
     [
         ("CREATE TABLE other (a INTEGER)", "is an SQLite database without a table of CAN frames"),
         ("CREATE VIEW messages AS SELECT 1 AS ts", "is an SQLite database without a table of CAN frames"),
+        ("CREATE TABLE topics (a); CREATE TABLE messages (a)", "is a bag of ROS 2 without a table of CAN frames"),
         (TABLE.format("messages"), "no CAN frame is in it"),
     ],
 )
 def test_a_database_without_frames_is_refused(tmp_path: Path, made: str, says: str) -> None:
     path = tmp_path / "log.db"
     with closing(sqlite3.connect(path)) as database:
-        database.execute(made)
+        database.executescript(made)
         database.commit()
     with pytest.raises(UnreadableLogError) as refused:
         read(path)
     assert str(refused.value).startswith(f"log.db: {says}")
+    if "ROS" in says:
+        assert str(refused.value).endswith("Export it: mcap convert log.db3 log.mcap.")

@@ -2,7 +2,9 @@
 
 import gzip
 import json
+import pickle
 import random
+import re
 import tracemalloc
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,8 +16,6 @@ import pytest
 from ingest.errors import UnreadableLogError
 from ingest.formats import (
     FORMATS,
-    OTHER_TEXTS,
-    OTHERS,
     Format,
     Frames,
     Rejected,
@@ -23,6 +23,7 @@ from ingest.formats import (
     open_log,
     recognise,
 )
+from ingest.formats._no_logs import NO_LOGS
 from made.damaged import check_account, read, read_damaged, sample
 from made.places import LOGS
 
@@ -157,12 +158,65 @@ def test_a_file_of_no_known_format_is_refused_with_those_that_are(tmp_path: Path
         recognise(path)
 
 
-@pytest.mark.parametrize("magic", [*OTHERS, *(b"<?xml version='1.0'?>\n" + mark for mark in OTHER_TEXTS)])
-def test_a_file_that_is_known_and_no_log_is_refused_with_what_to_do(magic: bytes, tmp_path: Path) -> None:
+HEADS = {  # of files that programs beside loggers write -> what a person does there
+    b"%PDF-1.4": "as CSV",
+    b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1": "soffice --convert-to xlsx",
+    b"PK\x03\x04" + bytes(26) + b"mimetypeapplication/vnd.oasis.opendocument.spreadsheet": "soffice --convert-to xlsx",
+    b"MATLAB 5.0 MAT-file, Platform: PCWIN64": "writetable(T, 'log.csv')",
+    b"\x89HDF\r\n\x1a\n": "to_parquet",
+    b"CDF\x01": "to_parquet",
+    b"\x93NUMPY\x01\0": "numpy.savetxt('log.csv'",
+    pickle.dumps(np.ones(2)): "read_pickle",
+    b"|CF,2,1,1;|CK,1,3,1,1;": "as MDF4, or as CSV",
+    b"DIAEXTENDED  {@:ENGLISH": "File, Save as",
+    b"<?xml version='1.0'?>\n<usi:tdm": "File, Save as",
+    b"<?xml version='1.0'?>\n<atfx_file": "MDF4 or CSV in what wrote it",
+    b"    -1\n    58\n": "as CSV or MDF4",
+    b"PARE": "without encryption",
+    b"FEA1": "as version 2",
+    b"\x0a\x0d\x0d\x0a": "candump -l",
+    b"\xd4\xc3\xb2\xa1\x02\0": "candump -l",
+    b"#ROSBAG V2.0\n": "mcap convert log.bag log.mcap",
+    b"RRF2": "as MCAP or Parquet",
+    b"RIFF\0\0\0\0WAVEfmt ": "as TDMS or CSV",
+    b"7z\xbc\xaf\x27\x1c": "7z x",
+    b"Rar!\x1a": "7z x",
+    b"BZh9": "7z x",
+    b"\xfd7zXZ\0": "7z x",
+}
+
+
+@pytest.mark.parametrize(("head", "todo"), HEADS.items())
+def test_a_file_that_is_known_and_no_log_is_refused_with_the_command_that_exports_it(
+    head: bytes, todo: str, tmp_path: Path
+) -> None:
     path = tmp_path / "log.csv"
-    path.write_bytes(magic + b"\0" * 100)
-    with pytest.raises(UnreadableLogError, match=r"log\.csv: is .+\. ?(Export|Save|Unpack) .+"):
+    path.write_bytes(head + b"\0" * 100)
+    with pytest.raises(UnreadableLogError, match=r"log\.csv: is .+\. (Export|Save|Unpack|Record) .+") as refused:
         recognise(path)
+    assert todo in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_each_kind_of_file_that_is_no_log_is_tried() -> None:
+    assert all(any(re.match(looks, head, re.DOTALL) for head in HEADS) for looks in NO_LOGS)
+
+
+@pytest.mark.parametrize(
+    ("name", "todo"),
+    [
+        ("a.MFE", "mdf2finalized, with passwords.json"),
+        ("a.dxd", "In DewesoftX open it and export it (Analyse, Export) as MDF4 or CSV."),
+        ("a.psdata", "In PicoScope save it as CSV"),
+        ("a.xyz", "Export it as one of these."),
+    ],
+)
+def test_a_file_that_is_known_by_its_name_alone_is_refused_with_what_its_program_exports(
+    name: str, todo: str, tmp_path: Path
+) -> None:
+    (tmp_path / name).write_bytes(random.Random(1).randbytes(200))
+    with pytest.raises(UnreadableLogError) as refused:
+        recognise(tmp_path / name)
+    assert todo in str(refused.value)
 
 
 @pytest.mark.parametrize("entry", [one for one in FORMATS if one.magic or one.looks], ids=lambda one: one.name)

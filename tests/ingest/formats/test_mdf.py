@@ -365,3 +365,11 @@ def test_a_channel_that_goes_missing_is_said_before_anything_is_stored(tmp_path:
     assert "log.mf4   mdf   2 rows in" in text
     assert "missing, a text in place of a number: g/x (1)" in text
     assert 'left out: g/odd: expression "ln(X)", position 1: "ln" is no function' in text
+
+
+def test_a_file_that_is_encrypted_behind_its_head_is_refused_with_a_way_out(tmp_path: Path) -> None:
+    path = tmp_path / "log.mf4"
+    path.write_bytes(b"MDF     4.10    CANape  " + bytes(4) + b"\x9a\x01" + bytes(34) + bytes(range(256)) * 8)
+    with pytest.raises(UnreadableLogError) as refused:
+        [*open_log(path).batches()]
+    assert "its first block, at byte 64, is damaged or encrypted" in str(refused.value)

@@ -113,7 +113,7 @@ def test_a_file_with_a_password_is_named(tmp_path: Path) -> None:
     path.write_bytes(data)
     files, lines = unpacked(path, tmp_path / "work")
     assert [file.name for file in files] == ["b in night.zip"]
-    assert lines == ["a in night.zip: has a password. Unpack it first."]
+    assert lines == ["a in night.zip: has a password. Unpack it first (7z x asks for it)."]
 
 
 @pytest.mark.parametrize("suffix", ["zip", "gz", "zst"])
