@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from decimal import Decimal
 from typing import ClassVar, NamedTuple
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import EARLIEST_NS, EXTENDED, LATE_NS, Frames, Log, Rejected
-from ingest.formats._text import TextFile
+from ingest.formats._text import TextFile, place_of
 
 LONGEST_CLASSIC, LONGEST_FD, HIGHEST_BUS = 8, 64, 255
 HIGHEST_STANDARD, HIGHEST_ID = 0x7FF, 0x1FFF_FFFF
@@ -81,9 +81,7 @@ class FrameLines(Log):
     tells_length: ClassVar[bool] = True  # a line says how many bytes its frame holds: one that is cut shows
 
     _start_ns: int | None = None  # that stamps without a date count from
-    _text: TextFile = field(init=False)
     _lines: int = 0  # that were read
-    _bytes: int = 0  # of these
     _other: int = 0
     _frames: int = 0
     _errors: int = 0  # error frames
@@ -95,7 +93,7 @@ class FrameLines(Log):
     def batches(self) -> Iterator[Frames]:
         """Frames in file order. Raises UnreadableLogError where the file holds no frame at all."""
         self._start_ns = self.time.start_ns
-        text = self._text = TextFile(self.path)
+        text = TextFile(self.path)
         for block in text.blocks():
             yield from self._batch(block, cut=text.open_line and not self.tells_length)
             if not self._frames + self._errors:
@@ -116,8 +114,7 @@ class FrameLines(Log):
                 frames.append(parsed)
                 record.append(self.found)
                 if self.found in self.sought:
-                    before = sum(len(line) + 1 for line in lines[: number - 1])
-                    self.places[self.found] = self._text.place(self._lines + number, self._bytes + before)
+                    self.places[self.found] = place_of(self.path, self._lines + number)
             elif parsed is not None:
                 where = f"line {self._lines + number:,}"
                 self.rejected.append(Rejected(self.found, where, parsed, raw.encode("latin-1")[:SHOWN]))
@@ -125,7 +122,6 @@ class FrameLines(Log):
             self.found += parsed is not None
             self._other += parsed is None and bool(line)
         self._lines += len(lines)
-        self._bytes += len(block)
         self._frames += len(frames)
         if frames:
             yield as_arrays(frames, record)

@@ -28,13 +28,7 @@ class TextFile:
     open_line: bool = False
     packed: bool = False
     utf_16: bool = False
-    _mark: int = 0  # bytes before the text
-
-    def place(self, line: int, byte: int) -> str:
-        """Where a line (from 1) stands that begins at so many bytes of what `blocks` gives."""
-        if self.utf_16:
-            return f"line {line:,}"
-        return f"line {line:,}, {'unpacked +' if self.packed else 'byte '}{self._mark + byte:,}"
+    mark: int = 0  # bytes before the text
 
     def blocks(self) -> Iterator[bytes]:
         """Whole lines with their line feeds; only the last line of the file may lack it."""
@@ -58,7 +52,7 @@ class TextFile:
         pieces = self._pieces()
         first = next(pieces, b"")
         if first.startswith(codecs.BOM_UTF8):
-            first, self._mark = first.removeprefix(codecs.BOM_UTF8), len(codecs.BOM_UTF8)
+            first, self.mark = first.removeprefix(codecs.BOM_UTF8), len(codecs.BOM_UTF8)
         self.utf_16 = first.startswith(UTF_16)
         if not self.utf_16:
             yield from chain([first] if first else [], pieces)
@@ -97,3 +91,22 @@ class TextFile:
                 f"{self.path.name}: its packed contents are damaged ({error}), any line may be wrong: nothing of it is "
                 "used. Copy the file again."
             ) from None
+
+
+def place_of(path: Path, line: int) -> str:
+    """Where a line (from 1) of a text file stands: "line 7, byte 204", of a packed one "line 7, unpacked +204".
+
+    In UTF-16, which is made another text on the way, "line 7".
+    """
+    text, lines, begun = TextFile(path), 1, 0  # the line that a block begins with, and its byte
+    for block in text.blocks():
+        feeds = block.count(b"\n")
+        if line < lines + feeds or text.open_line:
+            break
+        lines, begun = lines + feeds, begun + len(block)
+    if text.utf_16:
+        return f"line {line:,}"
+    at = 0
+    for _ in range(line - lines):
+        at = block.index(b"\n", at) + 1
+    return f"line {line:,}, {'unpacked +' if text.packed else 'byte '}{text.mark + begun + at:,}"

@@ -20,7 +20,7 @@ from ingest.errors import UnreadableLogError
 from ingest.formats import EXTENDED, TRANSMIT, Frames, Log, Rejected, payloads
 from ingest.formats._asc_lines import STAMP, Line, parse_date, parse_line
 from ingest.formats._frame_lines import ERROR_FRAME, HIGHEST_BUS, HIGHEST_ID, cut_line
-from ingest.formats._text import TextFile
+from ingest.formats._text import TextFile, place_of
 
 # A data frame as most lines hold it (hexadecimal, one blank between two bytes), or else any line: one match a line.
 LINES = re.compile(
@@ -82,9 +82,7 @@ class AscLog(Log):
 
     _clock: _Clock = field(init=False)
     _base: int = 16
-    _text: TextFile = field(init=False)
     _lines: int = 0  # that were read
-    _bytes: int = 0  # of these
     _other: int = 0
     _frames: int = 0
     _inside: bool = False  # of a trigger block
@@ -94,7 +92,7 @@ class AscLog(Log):
         stated = self.time.start_ns
         self._clock = _Clock(stated, origin_ns=stated or 0)
         self.absolute = stated is not None
-        text = self._text = TextFile(self.path)
+        text = TextFile(self.path)
         for number, block in enumerate(text.blocks()):
             header = self._read_header(block) if number == 0 else 0
             begins = _block_begins(block, header)
@@ -118,7 +116,6 @@ class AscLog(Log):
                 self._take_date(line[len("date") :])
             if match := BASE_LINE.match(line):
                 self.settings.update(base=match[1].lower(), stamps=(match[2] or "absolute").lower())
-        self._bytes = length
         self._base = 16 if self.settings["base"] == "hex" else 10
         self._clock.relative = self.settings["stamps"] == "relative"
         return length
@@ -148,7 +145,6 @@ class AscLog(Log):
             lines.pop()
         yield from self._placed(table, lines)
         self._lines += len(lines)
-        self._bytes += len(text)
 
     def _placed(self, table: _Table, lines: list[bytes]) -> Iterator[Frames]:
         """The frames among `lines` with numbers and times; what is rejected is noted."""
@@ -165,13 +161,9 @@ class AscLog(Log):
         self.found += int(found.sum())
         self._frames += len(frame)
         self._other += sum(map(bool, lines)) - int(found.sum())
-        self.note_places(record[frame], lambda i: self._place(lines, int(frame[i])))
+        self.note_places(record[frame], lambda i: place_of(self.path, self._lines + int(frame[i]) + 1))
         if len(frame):
             yield table.frames(frame, t_ns[frame], record[frame])
-
-    def _place(self, lines: list[bytes], index: int) -> str:
-        before = sum(len(line) + 1 for line in lines[:index])
-        return self._text.place(self._lines + index + 1, self._bytes + before)
 
     def _finish(self, text: TextFile) -> None:
         self.settings.update(other_lines=self._other, gz=text.packed)

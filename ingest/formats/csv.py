@@ -28,7 +28,7 @@ from ingest.formats._csv_clocks import Clock
 from ingest.formats._csv_dialect import SAMPLE_ROWS, Dialect, cells, holds_table, recognise_dialect
 from ingest.formats._csv_numbers import MISSING
 from ingest.formats._csv_time import joined, recognise_clock
-from ingest.formats._text import TextFile
+from ingest.formats._text import TextFile, place_of
 
 SINGLY = 64  # rows that are read one by one where they cannot be read together
 SHOWN = 64  # first bytes of a rejected row, or of a line above the header
@@ -150,7 +150,7 @@ class CsvLog(Log):
         record = self.found + np.cumsum(written) - 1
         self.found += int(written.sum())
         at = np.flatnonzero(written)
-        self.note_places(record[at], lambda i: f"{self.line} {self._lines + int(at[i]) + 1:,}")
+        self.note_places(record[at], lambda i: self._place(self._lines + int(at[i]) + 1))
         bad: dict[int, tuple[str, str]] = {}
         if cut and lines and _is_row(lines[-1]):
             bad[len(lines) - 1] = ("", "the file ends inside it")
@@ -167,6 +167,10 @@ class CsvLog(Log):
         for place, (column, why) in sorted(bad.items()):
             where = f"{self.line} {self._lines + place + 1:,}" + (f", column {column}" if column else "")
             self.rejected.append(Rejected(int(record[place]), where, why, lines[place].encode()[:SHOWN]))
+
+    def _place(self, line: int) -> str:
+        """Where a line (from 1) stands in the file."""
+        return place_of(self.path, line)
 
     def _parts(self, lines: list[str], places: list[int], bad: dict[int, tuple[str, str]]) -> Iterator[_Part]:
         """The lines at `places`, together where that works, else in halves, in the end one by one."""

@@ -79,6 +79,9 @@ class XlsxLog(CsvLog):
     unsaid = ("encoding", "delimiter", "decimal", "gz")
     _sheet: Any = None
 
+    def _place(self, line: int) -> str:
+        return f"{self.line} {line:,}"  # of a sheet that is packed, and whose cells are written elsewhere in the file
+
     def batches(self) -> Iterator[Rows]:
         """Rows in the order of the sheet. Raises UnreadableLogError where it holds no table, or python-calamine is
         missing."""

@@ -24,7 +24,7 @@ from ingest.errors import DamageError
 from ingest.facts import facts
 from ingest.facts.sessions import Override
 from ingest.facts.store import Store
-from ingest.formats import Frames, Log, open_log
+from ingest.formats import Frames, Log, Rows, open_log
 from ingest.intake.intake import take_in
 from ingest.intake.located import Located, locate
 from ingest.intake.setup import MotorFile, prepare
@@ -249,11 +249,29 @@ def test_at_the_byte_that_is_told_of_an_mcap_message_it_stands(
         )
 
 
-def test_the_line_that_is_told_of_a_table_is_the_row() -> None:
-    log, _ = read("csv")
-    lines = log.path.read_bytes().decode("cp1252").splitlines()
-    rows = [place for place, line in enumerate(lines, 1) if line.strip() and place > 2]
-    assert [log.places[record] for record in range(len(rows))] == [f"line {place}" for place in rows]
+@pytest.mark.parametrize(("name", "column"), [("csv", 1), ("lvm", 1)])
+def test_the_line_and_the_byte_that_are_told_of_a_table_are_the_row(name: str, column: int) -> None:
+    log = open_log(LOGS / f"sample.{name}")
+    log.sought = ALL
+    values: dict[int, float] = {}
+    for batch in log.batches():
+        assert isinstance(batch, Rows)
+        first = next(own for own in batch.columns.values() if own.dtype == np.float64)
+        values |= dict(zip(batch.record.tolist(), first.tolist(), strict=True))
+    data = log.path.read_bytes()
+    for record, value in values.items():
+        place = LINE.fullmatch(log.places[record])
+        assert place and place[2] == "byte "
+        line = data[number(place[3]) :].splitlines()[0]
+        assert line == data.splitlines()[number(place[1]) - 1]
+        cell = re.split(rb"[\t;]", line)[column].strip(b'"').replace(b",", b".").decode()
+        assert np.isnan(value) if cell in ("", "-") else float(cell) == value
+    assert len(values) > 2
+
+
+def test_the_row_that_is_told_of_a_workbook_is_the_row() -> None:
+    log, _ = read("xlsx")
+    assert log.places and all(re.fullmatch(r"row \d+", place) for place in log.places.values())
 
 
 @pytest.mark.parametrize("path", sorted(LOGS.iterdir()), ids=lambda path: path.suffix[1:])
@@ -279,10 +297,10 @@ def test_a_record_is_read_from_sealed_bytes_and_damage_is_told(tmp_path: Path) -
         (decode,) = known.decodes.values()
         log.unlink()
         first, bad, last = locate(store, known, decode, [2, 0, 1, 9])
-        assert (first.where, first.holds, first.stamp(True)) == ("line 2", "T 20.5", "2026-01-01 08:00:00")
+        assert (first.where, first.holds, first.stamp(True)) == ("line 2, byte 7", "T 20.5", "2026-01-01 08:00:00")
         assert (bad.t_ns, bad.where, bad.stamp(True)) == (None, "line 3, column T", "rejected")
         assert bad.holds.startswith('text "bad" where numbers are: 32 30')
-        assert (last.where, last.stamp(True)) == ("line 4", "2026-01-01 08:00:20.5")
+        assert (last.where, last.stamp(True)) == ("line 4, byte 60", "2026-01-01 08:00:20.5")
         sealed = store.archive.path(decode.raw)
         sealed.chmod(0o644)
         sealed.write_bytes(b"other")
