@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import re
 
 from replay.cli.answer import Answer, provenance
@@ -18,12 +19,18 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "LOG:RECORD or LOG:FIRST-LAST; or a SELECT, of which the first row counts"
     )
     parser.add_argument("what", metavar="X", help=says)
+    parser.add_argument(
+        "--openlineage",
+        action="store_true",
+        help="as events of OpenLineage, one a line of JSON, for catalogues of data",
+    )
     ask_as_of(parser)
 
 
 def run(args: argparse.Namespace) -> Answer:
     from ingest.facts import facts
     from replay.show.verbs.lineage import lineage_json, lineage_text
+    from replay.studies.lineage.openlineage import events
     from replay.studies.lineage.trace import trace, trace_row
 
     with opened(args, write=False) as store:
@@ -43,4 +50,6 @@ def run(args: argparse.Namespace) -> Answer:
             **lineage_json(found),
             "provenance": provenance(store, as_of=args.as_of),
         }
+        if args.openlineage:
+            return Answer(data, "\n".join(json.dumps(one) for one in events(known, found.links)))
     return Answer(data, lineage_text(found))
