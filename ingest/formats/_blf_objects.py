@@ -7,14 +7,14 @@ format 4.x (the same that python-can and Vector_BLF read).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.formats import FD, REMOTE, TRANSMIT, Frames, Rejected
+from ingest.formats import FD, REMOTE, TRANSMIT, Frames, Rejected, payloads
 
 Ints = NDArray[np.int64]
 
@@ -33,6 +33,7 @@ HEADER = np.dtype(
     ]
 )  # fmt: skip
 BASE_BYTES = 16  # of the header, what every object has
+SIZE_AT = 8  # in the header
 CLASSIC = np.dtype([("bus", "<u2"), ("flags", "u1"), ("dlc", "u1"), ("id", "<u4")])
 FD_100 = np.dtype(
     [
@@ -53,6 +54,9 @@ ERROR_TYPES = (2, 73, 104)
 
 def overlay(stream: bytes, layout: np.dtype[np.void], at: Ints) -> NDArray[np.void]:
     """The records of `layout` that begin at the bytes `at` of `stream` (which ends with MARGIN spare bytes)."""
+    step = int(at[1] - at[0]) if len(at) > 1 else 1
+    if step > 0 and len(at) and (np.diff(at) == step).all():  # at even distances: nothing has to be copied
+        return np.ndarray((len(at),), layout, stream, int(at[0]), (step,))
     shape = (len(stream) - layout.itemsize + 1,)
     return np.ndarray(shape, layout, stream, strides=(1,))[at]
 
@@ -76,6 +80,11 @@ def split(stream: bytes, *, aligned: bool) -> Objects:
     for each break of that chain, never for each object.
     """
     length = len(stream) - MARGIN
+    alike = _alike(stream, length) if aligned else 0
+    if alike:
+        count = length // alike
+        at = np.arange(count) * alike
+        return Objects(at, overlay(stream, HEADER, at), (), count * alike, 0, True)
     at = _candidates(stream, length)
     head = overlay(stream, HEADER, at)
     chain = _Chain.of(at, head, length)
@@ -88,6 +97,19 @@ def split(stream: bytes, *, aligned: bool) -> Objects:
     if len(at) and end[-1] > length:
         return Objects(at[:-1], head[:-1], damage, int(at[-1]), int(end[-1] - at[-1]), True)
     return Objects(at, head, damage, int(end[-1]) if len(at) else 0, 0, True)
+
+
+def _alike(stream: bytes, length: int) -> int:
+    """The length of each object where all of a stream are equally long, as classic frames are: their chain is seen at a
+    glance then. 0 where they are not."""
+    size = int.from_bytes(stream[SIZE_AT : SIZE_AT + 4], "little")
+    if not HEADER.itemsize <= size <= min(length, LONGEST_FRAME) or size % PADDING:
+        return 0
+    count = length // size
+    words = np.ndarray((2, count), "<u4", stream, 0, (SIZE_AT, size))  # the mark and the size of each
+    marks = words == np.array([[int.from_bytes(MAGIC, "little")], [size]], np.uint32)
+    rest = stream[count * size : min(length, count * size + len(MAGIC))]
+    return size if marks.all() and MAGIC.startswith(rest) else 0
 
 
 def _candidates(stream: bytes, length: int) -> Ints:
@@ -191,11 +213,13 @@ def read_frames(
     Stamps count from `start_ns` [ns], records from `first_record` in the order of the stream; `where` says a byte.
     `note` hears the records with the place of each.
     """
-    ours = np.isin(objects.head["type"], (*FRAME_TYPES, *ERROR_TYPES))
-    at, head = objects.at[ours], objects.head[ours]
+    at, head = objects.at, objects.head
+    ours = _is_one(head["type"], (*FRAME_TYPES, *ERROR_TYPES))
+    if not ours.all():
+        at, head = at[ours], head[ours]
     fields = _fields(stream, at, head)
     t_ns = _stamps(head, start_ns, fields["why"])
-    fields["why"][np.isin(head["type"], ERROR_TYPES)] = ERROR_FRAME
+    fields["why"][_is_one(head["type"], ERROR_TYPES)] = ERROR_FRAME
     damaged_at = np.array([byte for byte, _ in objects.damage], np.int64)
     record = first_record + np.arange(len(at)) + np.searchsorted(damaged_at, at)
     note(record, lambda i: where(int(at[i])))
@@ -211,14 +235,24 @@ def read_frames(
     return _frames(stream, fields, t_ns, record), sorted(rejected, key=lambda entry: entry.record)
 
 
+def _is_one(kind: NDArray[Any], types: Sequence[int]) -> NDArray[np.bool_]:
+    """Which objects (N,) are of one of these types."""
+    found = np.zeros(len(kind), np.bool_)
+    for one in types:
+        found |= kind == one
+    return found
+
+
 def _fields(stream: bytes, at: Ints, head: NDArray[np.void]) -> NDArray[np.void]:
     """FIELDS of each object; `why` is SHORT where no layout fits."""
     fields = np.zeros(len(at), FIELDS)
     fields["why"] = SHORT
     header = head["header"].astype(np.int64)
+    kind = head["type"].copy()
     space = np.where(header < HEADER.itemsize, -1, head["size"].astype(np.int64) - header)
     for types, layout, read in LAYOUTS:
-        which = np.flatnonzero(np.isin(head["type"], types) & (space >= layout.itemsize))
+        fits = _is_one(kind, types) & (space >= layout.itemsize)
+        which = slice(None) if fits.all() else np.flatnonzero(fits)
         part = overlay(stream, layout, at[which] + header[which])
         flags, length, present = read(part, space[which] - layout.itemsize, header[which])
         long, high = length > LONGEST_PAYLOAD, part["bus"] > np.iinfo(np.uint8).max
@@ -228,6 +262,8 @@ def _fields(stream: bytes, at: Ints, head: NDArray[np.void]) -> NDArray[np.void]
         values = (why, part["bus"] & 0xFF, part["id"] & ID_BITS, flags, source, length, np.minimum(present, length))
         for name, value in zip(FIELDS.names or (), values, strict=True):
             fields[name][which] = value
+        if fits.all():
+            break
     return fields
 
 
@@ -277,9 +313,8 @@ def _frames(stream: bytes, fields: NDArray[np.void], t_ns: Ints, record: Ints) -
     if not fine.all():
         fields, t_ns, record = fields[fine], t_ns[fine], record[fine]
     length, present = fields["length"], fields["present"]
-    offsets = np.concatenate([np.zeros(1, np.int64), np.cumsum(length)])
-    inside = np.arange(offsets[-1]) - np.repeat(offsets[:-1], length)
-    data = np.frombuffer(stream, np.uint8)[np.repeat(fields["source"], length) + inside]
+    offsets, data = payloads(np.frombuffer(stream, np.uint8), fields["source"], length)
     if (present < length).any():
+        inside = np.arange(offsets[-1]) - np.repeat(offsets[:-1], length)
         data[inside >= np.repeat(present, length)] = 0
     return Frames(t_ns, fields["bus"].copy(), fields["id"].copy(), fields["flags"].copy(), offsets, data, record)

@@ -15,7 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import EXTENDED, FD, REMOTE, TRANSMIT, Frames, Log, TimeSpec, open_log
+from ingest.formats import EXTENDED, FD, REMOTE, TRANSMIT, Frames, Log, TimeSpec, _blf_objects, open_log
 
 COPY_AGAIN = "; copy the file again if the original is whole."
 
@@ -115,6 +115,28 @@ def test_frames_equal_those_of_python_can(tmp_path: Path, options: dict[str, Any
     assert {entry.why for entry in log.rejected} == {"error frame"}
     assert [entry.record for entry in log.rejected] == [i for i, message in enumerate(theirs) if message.is_error_frame]
     assert log.found == len(theirs) and log.cut is None and log.absolute
+
+
+@pytest.mark.parametrize("kind", [1, 86])
+def test_objects_of_one_length_are_read_as_those_of_many(
+    kind: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chance = random.Random(kind)
+    frames = [classic(i, chance.choice((b"LOBJ\x30\0\0\0", bytes(8), b"")), stamp=i, kind=kind) for i in range(40)]
+    whole = b"".join(frames)
+    streams = [whole[: len(whole) - cut] for cut in range(len(frames[0]) + 2)]
+    streams += [whole + frames[0][:rest] for rest in (1, 3, 4, 16)] + [whole + b"LOBX" + whole, whole + bytes(2)]
+    for _ in range(100):
+        damaged = bytearray(whole)
+        damaged[chance.randrange(len(damaged))] ^= 1 << chance.randrange(8)
+        streams.append(bytes(damaged))
+    assert _blf_objects._alike(whole + bytes(128), len(whole)) == len(frames[0]), "there are streams that are alike"
+    seen = []
+    for alike in (_blf_objects._alike, lambda *_: 0):
+        monkeypatch.setattr(_blf_objects, "_alike", alike)
+        read_so = [read(blf(tmp_path / "log.blf", container(stream))) for stream in streams]
+        seen.append([(found, [*log.rejected], log.settings, log.cut) for log, found in read_so])
+    assert seen[0] == seen[1]
 
 
 def test_every_kind_of_frame_object_equals_python_can(tmp_path: Path) -> None:
