@@ -1,14 +1,20 @@
-"""Reads a BLF file into Parquet three ways in one run, checks that all three give the same values, and prints ratios.
+"""Reads a BLF file into Parquet several ways in one run, checks that all give the same values, and prints ratios.
 
-    python benchmarks/ingest.py [--quick] [--json FILE]
+    python benchmarks/ingest.py [--quick] [--json FILE] [--frames N]
 
-- whyhot: child process, recording (MCAP), decoding and Parquet, everything counted.
+- whyhot: child process, recording (MCAP), decoding and Parquet, all of it hashed, sealed and brought to the disk.
+- the whole verb: the same by `ingest` into a new store, with the ledger, and with what no other way here does: the
+  session's quality, its clock and its kind.
 - python-can + cantools: `BLFReader`, `decode_message` a frame, Parquet with the same encodings.
 - asammdf: `extract_bus_logging`, Parquet with the same encodings. It cannot read BLF: it gets the same frames as an MF4
   file, and making that file is not counted. Without asammdf (`make bench` installs it) this way is left out and said.
 
 The ways take turns, round by round, so that a busy machine slows all of them alike; each is given as the median, of
 wall time and of processor time (its child processes included).
+
+Where the time goes: processor time of each stage of our way by itself, in this process, and as a share of their sum;
+next to the floor, which inflates, hashes and writes the same bytes and does nothing else. And two such ingests at once
+in two processes, against one.
 
 In the same run, what one `ingest` of many small things takes, from an empty store to a sealed one: logs of 1,400 rows,
 and a table of checks of which each row is a session. With them, in turns, the same logs one by one: the child process,
@@ -20,10 +26,15 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
-from collections import defaultdict
-from collections.abc import Callable, Mapping
+import time
+from collections import defaultdict, deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing
+from hashlib import sha256
 from importlib.util import find_spec
+from itertools import starmap
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -40,14 +51,18 @@ sys.path[:0] = [str(HERE.parent)]
 
 from benchmarks import asked
 from ingest.facts import facts
+from ingest.facts.events import DecodeCompleted
 from ingest.facts.sessions import Override
 from ingest.facts.store import Store
+from ingest.formats import open_log
+from ingest.formats._blf_containers import parts
 from ingest.intake.intake import take_in
 from ingest.intake.setup import MotorFile, prepare
 from ingest.log import samples
 from ingest.log.databases import load
 from ingest.log.decode import RECORDING, decode_file
 from ingest.log.reading import Reader
+from ingest.log.recording import write
 
 MESSAGES, SIGNALS = 20, 4
 START_S = 1_700_000_000
@@ -67,25 +82,33 @@ def database() -> str:
     return "\n".join(lines) + "\n"
 
 
-def log_of(count: int) -> list[can.Message]:
+def log_of(count: int) -> Iterator[can.Message]:
     """`count` frames, 0.25 ms apart, identifiers and payloads drawn with a fixed seed."""
     random = np.random.default_rng(1)
     ids = (0x100 + random.integers(0, MESSAGES, count)).tolist()
     payloads = random.integers(0, 256, (count, 8)).astype(np.uint8)
-    return [
-        can.Message(START_S + i / 4000, ids[i], is_extended_id=False, channel=0, data=payloads[i].tobytes())
-        for i in range(count)
-    ]
+    for i in range(count):
+        yield can.Message(START_S + i / 4000, ids[i], is_extended_id=False, channel=0, data=payloads[i].tobytes())
 
 
 # ---- the ways ------------------------------------------------------------------------------------------------------
 
 
 def whyhot(log: Path, dbc: Path, folder: Path) -> Mapping[str, Path]:
-    with closing(Reader()) as reader:
+    with Store.open(folder / "store", create=True) as store, closing(Reader()) as reader:
+        raw = store.archive.seal(log)
         reading = reader.record(log, folder / RECORDING)
-    event = decode_file(reading, "0" * 64, [load(dbc.read_bytes(), dbc.name)], None, [], folder)
+        event = decode_file(reading, raw, [load(dbc.read_bytes(), dbc.name)], None, [], folder)
+        for name in event.products:
+            store.archive.seal(folder / name)
     return {group["name"]: folder / group["file"] for group in event.groups}
+
+
+def whole_verb(log: Path, dbc: Path, folder: Path) -> Mapping[str, Path]:
+    with Store.open(folder / "store", create=True) as store:
+        take_in(store, [log], prepare([log], None, [dbc], _no_motor), Override())
+        (event,) = facts.at(store.ledger).decodes.values()
+        return {group["name"]: store.decoded(event.decode) / group["file"] for group in event.groups}
 
 
 def frame_by_frame(log: Path, dbc: Path, folder: Path) -> Mapping[str, Path]:
@@ -130,6 +153,77 @@ def _write(path: Path, columns: Mapping[str, Any]) -> Path:
         write_page_checksum=True,
     )
     return path
+
+
+# ---- where the time goes -------------------------------------------------------------------------------------------
+
+
+def stages(log: Path, dbc: Path, folder: Path) -> dict[str, float]:
+    """Processor time of each stage [s], of the start of the child with what it imports, and of the `floor`."""
+    found, tiny, recorded = {}, folder / "tiny.blf", folder / RECORDING
+    _write_log(can.BLFWriter(tiny), log_of(1))
+    begun = clocks()
+    with closing(Reader()) as reader:
+        reader.record(tiny, folder / "tiny.mcap")
+    found["start"] = (clocks() - begun)[1]
+    found["read"] = _spent(lambda: deque(open_log(log).batches(), 0))
+    found["recording"] = _spent(lambda: write(recorded, open_log(log))) - found["read"]
+    with closing(Reader()) as reader:
+        reading = reader.record(log, recorded)
+    made: list[DecodeCompleted] = []
+    databases = [load(dbc.read_bytes(), dbc.name)]
+    decoded = _spent(lambda: made.append(decode_file(reading, "0" * 64, databases, None, [], folder)))
+    products = [recorded, *(folder / group["file"] for group in made[0].groups)]
+    hashed = _spent(lambda: [sha256(path.read_bytes()) for path in products])
+    tables = [(folder / f"again {path.name}", samples.read(path)) for path in products[1:]]
+    found["Parquet"] = _spent(lambda: deque(starmap(_written_again, tables), 0))
+    found["decode"] = decoded - hashed - found["Parquet"]
+    with Store.open(folder / "sealed", create=True) as store:
+        found["sealing"] = hashed + _spent(lambda: [store.archive.seal(path) for path in (log, *products)])
+    found["floor"] = _spent(lambda: _floor(log, products, folder))
+    return found
+
+
+def _spent(work: Callable[[], object]) -> float:
+    """Processor time of this process [s]."""
+    begun = time.process_time()
+    work()
+    return time.process_time() - begun
+
+
+def _written_again(path: Path, table: pa.Table) -> None:
+    """Samples written once more as they are written in an ingest."""
+    names = [name for name in table.column_names if name not in samples.FIXED]
+    writer = samples.GroupWriter(path, "0" * 64, [samples.Column(name, name, None, None) for name in names])
+    t_ns, record, *values = (table[name].to_numpy() for name in ("t_ns", "record", *names))
+    writer.add(samples.Samples(t_ns, record, values))
+    writer.close()
+
+
+def _floor(log: Path, products: list[Path], folder: Path) -> None:
+    """Inflate the log, hash it and what is made of it, and write that."""
+    with log.open("rb") as file:
+        deque(parts(file, 144, log.stat().st_size), 0)
+    for path in (log, *products):
+        data = path.read_bytes()
+        sha256(data)
+        (folder / "floor").write_bytes(data)
+
+
+def at_once(log: Path, dbc: Path, folder: Path) -> float:
+    """How many times as much two processes take in as one, by wall time. Both have taken in the log before."""
+    with ProcessPoolExecutor(2, get_context("spawn")) as pool:  # forks of what has threads may hang
+
+        def wall(name: str, count: int) -> float:
+            places = [folder / f"{name} {k}" for k in range(count)]
+            for place in places:
+                place.mkdir()
+            begun = clocks()
+            deque(pool.map(whyhot, [log] * count, [dbc] * count, places), 0)
+            return float((clocks() - begun)[0])
+
+        wall("warm", 2)
+        return 2 * wall("alone", 1) / wall("two", 2)
 
 
 # ---- many small things --------------------------------------------------------------------------------------------
@@ -255,19 +349,23 @@ def make_inputs(folder: Path, count: int) -> tuple[Path, Path, dict[str, Way]]:
     """BLF, DBC and, with asammdf, MF4 of the same frames; the ways that can run here."""
     log, dbc = folder / "log.blf", folder / "bench.dbc"
     dbc.write_text(database())
-    ways: dict[str, Way] = {"whyhot": whyhot, "python-can + cantools": frame_by_frame}
-    frames = log_of(count)
-    _write_log(can.BLFWriter(log), frames)
+    ways: dict[str, Way] = {"whyhot": whyhot, "the whole verb": whole_verb, "python-can + cantools": frame_by_frame}
+    _write_log(can.BLFWriter(log), log_of(count))
     if find_spec("asammdf") is None:
         return log, dbc, ways
-    _write_log(can.MF4Writer(log.with_suffix(".mf4")), frames)
+    _write_log(can.MF4Writer(log.with_suffix(".mf4")), log_of(count))
     return log, dbc, {**ways, "asammdf": asammdf}
 
 
-def _write_log(writer: Any, frames: list[can.Message]) -> None:
+def _write_log(writer: Any, frames: Iterable[can.Message]) -> None:
     with writer:
         for frame in frames:
             writer.on_message_received(frame)
+
+
+def _made(folder: Path) -> Path:
+    folder.mkdir()
+    return folder
 
 
 def clocks() -> NDArray[np.float64]:
@@ -284,14 +382,16 @@ def run(count: int, rounds: int) -> dict[str, Any]:
         files: dict[str, Mapping[str, Path]] = {}
         for i in range(rounds):
             for name, way in ways.items():
-                folder = Path(place) / f"{i} {name}"
-                folder.mkdir()
+                folder = _made(Path(place) / f"{i} {name}")
                 begun = clocks()
                 files[name] = way(log, dbc, folder)
                 taken[name].append(clocks() - begun)
         wrong = differences(files)
+        spent = stages(log, dbc, _made(Path(place) / "stages"))
+        twice = at_once(log, dbc, _made(Path(place) / "at once"))
     if wrong:
         sys.exit(f"the ways do not agree: {', '.join(wrong[:5])}")
+    sum_s = sum(spent.values()) - spent["floor"]
     median = {name: np.median(spent, axis=0).tolist() for name, spent in taken.items()}
     wall, processor = ({name: spent[i] for name, spent in median.items()} for i in range(2))
     return {
@@ -303,15 +403,19 @@ def run(count: int, rounds: int) -> dict[str, Any]:
         "frames_per_second": {name: round(count / spent) for name, spent in wall.items()},
         "times_whyhot": {name: spent / wall["whyhot"] for name, spent in wall.items()},
         "processor_times_whyhot": {name: spent / processor["whyhot"] for name, spent in processor.items()},
+        "stages_s": spent,
+        "shares": {name: one / sum_s for name, one in spent.items() if name != "floor"},
+        "sum_over_floor": sum_s / spent["floor"],
+        "two_processes": twice,
         "values_equal": True,
         "asammdf": "from an MF4 of the same frames, made outside the clock" if "asammdf" in wall else "not installed",
     }
 
 
 def main() -> None:
-    words = asked.parser(__doc__).parse_args()
-    frames, files, sessions, rounds = (500, 2, 50, 1) if words.quick else (300_000, 20, 4800, 3)
-    result = run(frames, rounds)
+    words = asked.parser(__doc__, frames=(1_000_000, 500)).parse_args()
+    files, sessions, rounds = (2, 50, 1) if words.quick else (20, 4800, 3)
+    result = run(words.frames, rounds)
     result["many"] = run_many(files, sessions, rounds)
     asked.keep(result, words.json)
     of = f"{result['frames']:,} frames, median of {result['rounds']} rounds"
@@ -322,6 +426,11 @@ def main() -> None:
         times, processor_times = result["times_whyhot"][name], result["processor_times_whyhot"][name]
         print(f"{name:24}{wall:9.2f}{times:10.2f}{processor:13.2f}{processor_times:10.2f}{rate:13,}")
     print(f"asammdf: {result['asammdf']}")
+    print(f"{'stage':24}{'processor s':>13}{'share':>8}")
+    for name, share in result["shares"].items():
+        print(f"{name:24}{result['stages_s'][name]:13.2f}{share:8.0%}")
+    print(f"{'floor':24}{result['stages_s']['floor']:13.2f}")
+    print(f"sum_over_floor {result['sum_over_floor']:.1f}   two_processes {result['two_processes']:.2f} times one")
     print(f"{'one ingest of':28}{'count':>9}{'wall s':>9}{'processor s':>13}{'per second':>13}")
     for name, one in result["many"].items():
         print(
