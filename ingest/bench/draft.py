@@ -108,8 +108,7 @@ def _entry(signal: Signal, reference: str, quantity: str, shared: bool) -> str:
             'convention = "peak"' if peak else '# convention = "peak"         # where the log holds amplitudes'
         )
     if quantity == "temperature":
-        bare = signal.name.removesuffix(f"_{unit_in_name(signal.name)}")
-        lines.append(f'node = "{_node(bare)}"')
+        lines.append(f'node = "{_node(_without_unit(signal.name))}"')
     return "\n" + "\n".join(lines) + "\n"
 
 
@@ -122,6 +121,13 @@ def _unit(signal: Signal, quantity: str) -> tuple[str, bool, str]:
         except UnitError:
             continue
     return STORED_UNIT[quantity], False, "  # CHECK: the log does not say"
+
+
+def _without_unit(name: str) -> str:
+    """A name without the unit that it ends in: "T_Rücken" of `T_Rücken [°C]`, "EW_3" of `EW_3_degC`."""
+    unit = unit_in_name(name)
+    bare = re.sub(r"\s*\[[^\[\]]*\]\s*$", "", name)
+    return bare.removesuffix(f"({unit})").removesuffix(f"_{unit}").strip() or name
 
 
 def _node(name: str) -> str:

@@ -43,6 +43,16 @@ def test_a_unit_at_the_end_of_a_name_is_seen_and_drafted(tmp_path: Path) -> None
     assert 'unit = "degC"\nnode = "ew_3"\n' in draft(found) and "CHECK: the log" not in draft(found)
 
 
+@pytest.mark.parametrize(
+    ("name", "node"),
+    [("T_Wicklung [°C]", "winding"), ("giogo (°C)", "yoke"), ("EW_3_degC", "ew_3"), ("T_Rücken", "ruecken")],
+)
+def test_the_unit_in_a_name_is_no_part_of_the_node_that_is_drafted(tmp_path: Path, name: str, node: str) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(f"time,{name}\n0,20\n1,21\n", encoding="utf-8")
+    assert f'node = "{node}"\n' in draft(inspect([path], [], None))
+
+
 @pytest.mark.parametrize(("count", "named"), [(1, "0.csv"), (3, "0.csv, 1.csv, 2.csv"), (4, "4 logs")])
 def test_a_draft_names_the_logs_that_it_is_for(tmp_path: Path, count: int, named: str) -> None:
     files = [csv(tmp_path / f"{i}.csv", 20.0, 21.0) for i in range(count)]
