@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from ingest.facts.store import Store
     from ingest.log.samples import RowGroup
 
+GIVEN_EVERY_NS = 60_000_000_000  # between samples of what the bench file gives as a number, at most MOST_GIVEN of them
+MOST_GIVEN = 100_000
 MOST_VALUES = 4_000_000  # of channels that are held at once: about 400 MB with what is computed of them
 STALE_MEDIANS = 5.0  # a value is held for as many median intervals of its channel, not longer
 GAP_NS = 10_000_000_000  # a second in a shorter gap counts as measured: constancy is looked at in means of 10 s
@@ -293,9 +295,12 @@ def _joined(some: Sequence[_Piece], start_ns: int, around: _Around | None) -> Ch
 
 
 def _throughout(spec: ResolvedChannel, session: SessionRecorded, beside: ChannelData) -> ChannelData:
-    """What the bench file gives as a number, from the start of a session to its end, by the clock of `beside`."""
-    t_ns = np.array([session.start_ns, max(session.end_ns, session.start_ns + 1)])
-    zeros, value = np.zeros(2, np.int64), np.full(2, spec.value, np.float64)
+    """What the bench file gives as a number, by the clock of `beside`: once a minute or so from the start of a session
+    to its end, as what is silent for longer than minutes is no input."""
+    span_ns = max(session.end_ns - session.start_ns, 1)
+    count = min(span_ns // GIVEN_EVERY_NS + 2, MOST_GIVEN)
+    t_ns = session.start_ns + np.linspace(0, span_ns, count).astype(np.int64)
+    zeros, value = np.zeros(count, np.int64), np.full(count, spec.value, np.float64)
     return ChannelData(spec, t_ns, value, zeros, zeros, beside.raws[:1], beside.buses[:1])
 
 
