@@ -55,8 +55,8 @@ PIP := $(shell command -v uv >/dev/null 2>&1 && echo "uv pip install -q --compil
 # New versions: names, versions and hashes, so that a lock works with any package index and trusts none.
 lock:
 	@command -v uv >/dev/null || { echo "make lock needs uv on the PATH: pip install uv" >&2; exit 1; }
-	uv pip compile pyproject.toml --extra view --extra notebooks --extra tdms --extra xlsx --extra cluster --extra postgres --group dev --universal --python-version 3.11 --no-header --no-annotate --generate-hashes --upgrade -q -o requirements.lock
-	uv pip compile pyproject.toml --extra view --extra notebooks --extra tdms --extra xlsx --extra cluster --extra postgres --group dev --group bench --universal --python-version 3.11 --no-header --no-annotate --generate-hashes --upgrade -q -o requirements-bench.lock
+	uv pip compile pyproject.toml --extra view --extra notebooks --extra tdms --extra xlsx --extra cluster --extra postgres --extra s3 --group dev --universal --python-version 3.11 --no-header --no-annotate --generate-hashes --upgrade -q -o requirements.lock
+	uv pip compile pyproject.toml --extra view --extra notebooks --extra tdms --extra xlsx --extra cluster --extra postgres --extra s3 --group dev --group bench --universal --python-version 3.11 --no-header --no-annotate --generate-hashes --upgrade -q -o requirements-bench.lock
 
 clean:
 	rm -rf .venv demo dist build .mypy_cache .pytest_cache .ruff_cache

@@ -200,6 +200,8 @@ def _explained(connection: duckdb.DuckDBPyConnection, error: duckdb.Error) -> An
         near = nearest(name, VIEWS)
         hint = f"Nearest: {near[0]}. " if near else ""
         return QueryError(f"SQL: there is no view {name}. {hint}Views: {', '.join(VIEWS)}")
+    if bucket := re.search(r"BucketError: (.*)", str(error)):
+        return QueryError(f"SQL: {bucket[1]}")
     if lost := re.search(r'"([^"]*)/\*\*/[^"]*"', said):  # DuckDB takes a path without a file for a folder
         return QueryError(f"SQL: {lost[1]}: is missing: run `whyhot rebuild`")
     if isinstance(error, duckdb.PermissionException):

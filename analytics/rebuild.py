@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING
 from analytics import warehouse
 from analytics.errors import AnalyticsError
 from ingest.facts import facts as folding
+from ingest.facts.durable import sha256_of
 
 if TYPE_CHECKING:
     from ingest.facts.facts import Facts
@@ -64,6 +64,6 @@ def _differences(store: Store, named: dict[tuple[str, str], str]) -> list[str]:
         path = store.decoded(decode) / file
         if not path.is_file():
             found.append(f"{path}: was not made again")
-        elif hashlib.sha256(path.read_bytes()).hexdigest() != sha256:
+        elif sha256_of(path) != sha256:
             found.append(f"{path}: differs from what its event names (sha256 {sha256[:12]}...)")
     return found

@@ -13,7 +13,8 @@ query for each at 200 files.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -22,27 +23,32 @@ import pyarrow.parquet as pq
 
 from analytics.columns import AGEING, RESIDUALS, TEMPERATURES, VALUES
 from analytics.errors import WarehouseError
+from analytics.reached import at
 
 if TYPE_CHECKING:
     import duckdb
 
+    from ingest.facts.bucket import Bucket
+
 Kind = TypeVar("Kind", bound=Hashable)
 Schema = tuple[tuple[str, str], ...]  # (name, type) of each column, in order
+SchemaOf = Callable[[str], Schema]  # of a file
 
 FILE = "whyhot file"  # name of the scan's column with the path: no signal is called so
 SUFFIX = "_degC"
 
 
-def create(connection: duckdb.DuckDBPyConnection) -> None:
-    """Make the views from `base.groups`, `base.channels` and `base.artefacts`.
+def create(connection: duckdb.DuckDBPyConnection, bucket: Bucket | None = None) -> None:
+    """Make the views from `base.groups`, `base.channels` and `base.artefacts`. `bucket`: where their files lie.
 
     Raises WarehouseError where a Parquet file that the facts name is missing or damaged.
     """
-    _view(connection, "values", VALUES, _values(connection))
-    _view(connection, "temperatures", TEMPERATURES, _temperatures(connection))
-    _view(connection, "residuals", RESIDUALS, _tables(connection, "residuals", RESIDUALS))
+    schema = partial(_schema, bucket)
+    _view(connection, "values", VALUES, _values(connection, schema))
+    _view(connection, "temperatures", TEMPERATURES, _temperatures(connection, schema))
+    _view(connection, "residuals", RESIDUALS, _tables(connection, schema, "residuals", RESIDUALS))
     for kind, columns in AGEING.items():
-        _view(connection, kind, columns, _tables(connection, kind, columns))
+        _view(connection, kind, columns, _tables(connection, schema, kind, columns))
 
 
 def text(value: str | None) -> str:
@@ -55,9 +61,9 @@ def name(value: str) -> str:
     return '"' + value.replace('"', '""') + '"'
 
 
-def _values(connection: duckdb.DuckDBPyConnection) -> Iterable[str]:
+def _values(connection: duckdb.DuckDBPyConnection, schema_of: SchemaOf) -> Iterable[str]:
     """One branch for each channel of each kind of file: same columns, same channels."""
-    _find_doubled(connection)
+    _find_doubled(connection, schema_of)
     twice = set(connection.execute("SELECT DISTINCT file FROM base.doubled").fetchall())
     channels: dict[str, list[tuple[str, ...]]] = defaultdict(list)
     for file, *channel in connection.execute(
@@ -66,7 +72,7 @@ def _values(connection: duckdb.DuckDBPyConnection) -> Iterable[str]:
         "ORDER BY g.file, c.place"
     ).fetchall():
         channels[file].append(tuple(channel))
-    alike = _alike({file: (_schema(file), tuple(of), (file,) in twice) for file, of in channels.items()})
+    alike = _alike({file: (schema_of(file), tuple(of), (file,) in twice) for file, of in channels.items()})
     for (schema, listed, some), files in alike.items():
         columns, kinds = _columns(schema), dict(schema)
         doubled = f"({name(FILE)}, record) IN (FROM base.doubled)" if some else "false"
@@ -77,27 +83,29 @@ def _values(connection: duckdb.DuckDBPyConnection) -> Iterable[str]:
             yield _branch(files, f"{fixed}, t_ns, record, {name(columns[column])}, {doubled}")
 
 
-def _find_doubled(connection: duckdb.DuckDBPyConnection) -> None:
+def _find_doubled(connection: duckdb.DuckDBPyConnection, schema_of: SchemaOf) -> None:
     """Fill `base.doubled`, of the files with stamps that come twice."""
     for (file,) in connection.execute("SELECT file FROM base.groups WHERE doubled ORDER BY file").fetchall():
-        _schema(file)  # a file that is missing or damaged is refused in our words
+        schema_of(file)  # a file that is missing or damaged is refused in our words
         connection.execute(
             f"INSERT INTO base.doubled SELECT {text(file)}, record FROM read_parquet({text(file)}) "
             "QUALIFY row_number() OVER (PARTITION BY t_ns ORDER BY record) > 1"
         )
 
 
-def _temperatures(connection: duckdb.DuckDBPyConnection) -> Iterable[str]:
+def _temperatures(connection: duckdb.DuckDBPyConnection, schema_of: SchemaOf) -> Iterable[str]:
     """One branch for each node of each kind of file."""
-    for schema, files in _alike({file: _schema(file) for file in _artefacts(connection, "temperatures")}).items():
+    for schema, files in _alike({file: schema_of(file) for file in _artefacts(connection, "temperatures")}).items():
         for column, actual in _columns(schema).items():
             if column.endswith(SUFFIX):
                 yield _branch(files, f"{text(column.removesuffix(SUFFIX))}, t_ns, {name(actual)}")
 
 
-def _tables(connection: duckdb.DuckDBPyConnection, kind: str, columns: Mapping[str, str]) -> Iterable[str]:
+def _tables(
+    connection: duckdb.DuckDBPyConnection, schema_of: SchemaOf, kind: str, columns: Mapping[str, str]
+) -> Iterable[str]:
     """One branch for each kind of file; a column that it lacks is null, and so is a number that is not finite."""
-    for schema, files in _alike({file: _schema(file) for file in _artefacts(connection, kind)}).items():
+    for schema, files in _alike({file: schema_of(file) for file in _artefacts(connection, kind)}).items():
         there = dict(schema)
         listed = (_or_null(column, said) if column in there else "NULL" for column, said in columns.items())
         yield _branch(files, ", ".join(listed))
@@ -133,10 +141,10 @@ def _view(
     )
 
 
-def _schema(file: str) -> Schema:
+def _schema(bucket: Bucket | None, file: str) -> Schema:
     """The columns of a Parquet file."""
     try:
-        schema = pq.read_schema(file)
+        schema = pq.read_schema(at(bucket, file).parts() if bucket else file)
     except FileNotFoundError:
         raise WarehouseError(f"{file}: is missing: {_advice(file)}") from None
     except (pa.ArrowException, OSError) as error:

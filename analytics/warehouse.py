@@ -26,10 +26,12 @@ import pyarrow as pa
 
 from analytics import scans, tables
 from analytics.errors import WarehouseError
+from analytics.reached import reach
 from ingest.facts.alias import is_misread
 from ingest.facts.facts import at as fold_at
 
 if TYPE_CHECKING:
+    from ingest.facts.bucket import Bucket
     from ingest.facts.facts import Facts
     from ingest.facts.store import Store
 
@@ -83,7 +85,7 @@ def build(store: Store, facts: Facts, target: Path, source: Mapping[str, str] | 
         with tempfile.TemporaryDirectory(prefix=BUILDING, dir=target.parent) as folder:
             made = Path(folder) / target.name
             with duckdb.connect(str(made), config={"default_block_size": BLOCK}) as connection:
-                fill(connection, rows, source)
+                fill(connection, rows, source, store.bucket)
                 connection.execute("CHECKPOINT")  # what fails only when it is closed, DuckDB does not say
             made.replace(target)
     except (OSError, duckdb.Error) as error:
@@ -106,14 +108,14 @@ def refresh(store: Store, as_of: str | None = None) -> Warehouse:
     notes: tuple[str, ...] = ()
     if path.exists() or _log(path).exists():
         try:
-            return Warehouse(_open(path, source))
+            return Warehouse(_open(store, path, source))
         except _Stale:
             pass
         except _Broken as error:
             notes = (_set_aside(path, str(error)),)
     build(store, fold_at(store.ledger), path, source)
     try:
-        return Warehouse(_open(path), notes)
+        return Warehouse(_open(store, path), notes)
     except _Broken as error:
         raise WarehouseError(f"{path}: was made and cannot be read ({error}): see that the disk has space") from None
 
@@ -134,9 +136,15 @@ def connect(folder: str | Path, as_of: str | None = None) -> duckdb.DuckDBPyConn
 
 
 def fill(
-    connection: duckdb.DuckDBPyConnection, rows: Mapping[str, tables.Rows], source: Mapping[str, str] | None = None
+    connection: duckdb.DuckDBPyConnection,
+    rows: Mapping[str, tables.Rows],
+    source: Mapping[str, str] | None = None,
+    bucket: Bucket | None = None,
 ) -> None:
-    """Make all tables, views and macros in an empty database, from the rows of `analytics.tables`."""
+    """Make all tables, views and macros in an empty database, from the rows of `analytics.tables`. `bucket`: where the
+    Parquet files lie that they name."""
+    if bucket:
+        reach(connection, bucket)
     connection.begin()  # one transaction: a commit for each statement takes ten times as long
     connection.execute(_sql("tables"))
     built_from = [{"what": what, "value": value} for what, value in (source or {}).items()]
@@ -146,7 +154,7 @@ def fill(
             connection.execute(f"INSERT INTO base.{table} BY NAME SELECT * FROM new_rows")
             connection.unregister("new_rows")
     connection.execute(_sql("segments"))
-    scans.create(connection)
+    scans.create(connection, bucket)
     for part in (*VIEWS, *MACROS):
         connection.execute(_sql(part))
     connection.commit()
@@ -199,14 +207,14 @@ def _in_memory(store: Store, as_of: str | None) -> Warehouse:
     facts = fold_at(store.ledger, as_of)
     with contextlib.ExitStack() as unless_done:
         connection = unless_done.enter_context(duckdb.connect(":memory:"))
-        fill(connection, tables.rows(store, facts, store.ledger.events(as_of=as_of)))
+        fill(connection, tables.rows(store, facts, store.ledger.events(as_of=as_of)), bucket=store.bucket)
         confine(connection)
         unless_done.pop_all()
     gone = [f"{why}: its samples are in no answer" for raw, why in store.forgotten.logs.items() if raw in facts.files]
     return Warehouse(connection, tuple(gone))
 
 
-def _open(path: Path, source: Mapping[str, str] | None = None) -> duckdb.DuckDBPyConnection:
+def _open(store: Store, path: Path, source: Mapping[str, str] | None = None) -> duckdb.DuckDBPyConnection:
     """The file at `path`, attached read-only to a database of its own in memory, read through and confined.
 
     Attached and not opened: DuckDB would give a second opener in this process the settings, and after a rename the
@@ -217,6 +225,8 @@ def _open(path: Path, source: Mapping[str, str] | None = None) -> duckdb.DuckDBP
     try:
         with contextlib.ExitStack() as unless_done:
             connection = unless_done.enter_context(duckdb.connect(":memory:"))
+            if store.bucket:
+                reach(connection, store.bucket)
             connection.execute(f"ATTACH {scans.text(str(path))} AS warehouse (READ_ONLY)")
             connection.execute("USE warehouse")
             if source is not None and dict(connection.execute("FROM base.built_from").fetchall()) != source:
@@ -253,7 +263,7 @@ def _source(store: Store) -> dict[str, str]:
         "ledger": f"{head.position} {head.root}",
         "analytics": _own_hash(),
         "duckdb": duckdb.__version__,
-        "folder": str(store.folder.absolute()),
+        "files": str(store.files.absolute()),
     }
 
 

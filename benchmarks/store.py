@@ -35,6 +35,7 @@ from ingest.facts import facts
 from ingest.facts.events import DecodeCompleted, Event, RawFileSealed, SessionRecorded
 from ingest.facts.sessions import session_id
 from ingest.facts.store import Store
+from made.places import on_disk
 from replay.cli import main as whyhot
 from replay.studies.motors.new import template
 
@@ -90,9 +91,9 @@ def grow(folder: Path, size: int) -> None:
             batch: list[tuple[str, Event]] = []
             for day in days[begin - days.start :][:AT_ONCE]:
                 batch += like.on(day)
-                copy = store.decoded(name_of("decode", day))
+                copy = on_disk(store.decoded(name_of("decode", day)))
                 copy.mkdir()
-                for product in store.decoded(like.decode.decode).iterdir():
+                for product in on_disk(store.decoded(like.decode.decode)).iterdir():
                     os.link(product, copy / product.name)
             store.ledger.append_all(batch)
 

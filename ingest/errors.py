@@ -51,6 +51,10 @@ class StoreError(IngestError):
     """The store folder is missing, is not ours, or cannot be written."""
 
 
+class BucketError(StoreError):
+    """The server that holds sealed bytes and samples does not answer, or does not let in: of them nothing is known."""
+
+
 class DamageError(IngestError):
     """Stored bytes are not what was sealed."""
 

@@ -28,6 +28,7 @@ from ingest.facts.ledger import Ledger
 from ingest.facts.ledger_history import LedgerHistory
 from ingest.facts.store import Store
 from ingest.formats import Rejections
+from made.places import on_disk
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ def _short_file(folder: Path, chunks: Any) -> Path:
 def _seal_in_place(self: Archive, data: Any) -> str:
     content = data if isinstance(data, bytes) else data.read_bytes() if isinstance(data, Path) else b"".join(data)
     sha256 = hashlib.sha256(content).hexdigest()
-    target = self.path(sha256)
+    target = on_disk(self.path(sha256))
     target.parent.mkdir(exist_ok=True)
     if not target.exists():
         handle = os.open(target, os.O_WRONLY | os.O_CREAT, 0o644)
@@ -88,7 +89,7 @@ _TRUE_COPY = backup._copy
 
 
 def _publish_in_place(self: Store, made: Path, decode: str) -> Path:
-    target = self.decoded(decode)
+    target = on_disk(self.decoded(decode))
     shutil.rmtree(target, ignore_errors=True)
     target.mkdir()
     for path in made.iterdir():

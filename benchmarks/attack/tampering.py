@@ -15,6 +15,7 @@ from benchmarks.attack.outcome import Arena, Attack, Outcome
 from ingest.facts.chain import canonical
 from ingest.facts.store import Store
 from made.forged import Row, change, forge, resealed, rewrite, stored
+from made.places import on_disk
 
 WRITERS, LOGS = 5, 3  # of the store: each writer appends so many logs and a seal; one more is stopped before its seal
 LOG, SEAL = "whyhot:RawFileSealed", "whyhot:LedgerSealed"
@@ -93,7 +94,7 @@ def _insert(folder: Path, chance: random.Random) -> None:
 
 def _swap(folder: Path, chance: random.Random) -> None:
     with Store.open(folder) as store:
-        one, two = (store.archive.path(name) for name in chance.sample(list(store.archive), 2))
+        one, two = (on_disk(store.archive.path(name)) for name in chance.sample(list(store.archive), 2))
     for old, new in ((one, folder / "aside"), (two, one), (folder / "aside", two)):
         old.replace(new)
 

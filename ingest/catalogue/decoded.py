@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from ingest.bench.corrections import Correction, correct, true_times
 from ingest.bench.resolving import ResolvedChannel, resolve
 from ingest.bench.signals import Directory, Signal
 from ingest.errors import DamageError, UnitError
+from ingest.facts.bucket import Place
 from ingest.facts.events import DecodeCompleted
 from ingest.facts.facts import Facts
 from ingest.texts.guessing import guess, unit_in_name
@@ -45,7 +45,7 @@ class DecodedFile:
     """One log under one bench file: its channels; their samples are read when they are asked for."""
 
     decode: DecodeCompleted
-    folder: Path
+    folder: Place
     stem: str  # of the log's name
     bench: Bench | None
     sources: Sequence[ChannelSource]
@@ -80,7 +80,7 @@ class DecodedFile:
         return {group["name"]: buses.get(group["name"]) or self.stem for group in self.decode.groups}
 
     @cached_property
-    def _groups(self) -> dict[str, tuple[Path, list[str]]]:
+    def _groups(self) -> dict[str, tuple[Place, list[str]]]:
         """Group -> its Parquet file, and the columns of it that channels are read from."""
         columns: dict[str, dict[str, None]] = {group["name"]: {} for group in self.decode.groups}
         for source in self.sources:
@@ -163,7 +163,7 @@ def _guess(entry: Entry) -> ResolvedChannel:
 
 
 @contextmanager
-def _there(path: Path) -> Iterator[None]:
+def _there(path: Place) -> Iterator[None]:
     try:
         yield
     except FileNotFoundError:

@@ -6,5 +6,6 @@ bytes. `facts` folds the events into what is true now or was at a time, without 
 row checked against all before it (`ledger_history`). `sessions` groups files, `named` finds what people call by name.
 `ledger_audit` and `store_check` list all damage, and `cited` says what stands on it. `sweeping` removes the bytes of
 what was forgotten. `as_of` opens the store as it was, `backup` makes a second one of it, `lineage` says what a fact
-follows from. `alias` names a folder as other libraries take it.
+follows from. `alias` names a folder as other libraries take it. Out of the folder lie, where a store says so, its
+ledger (`ledger_place`, `ledger_server`, `ledger_table`, `move`) and its files (`bucket`, `move_files`).
 """

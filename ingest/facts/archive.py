@@ -1,4 +1,4 @@
-"""Sealed bytes: each file's name is the SHA-256 of what is in it."""
+"""Sealed bytes, in a folder or a bucket: each file's name is the SHA-256 of what is in it."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from ingest.errors import ChangingFileError, DamageError, StoreError
+from ingest.facts.bucket import ObjectPath, Place, listed
 from ingest.facts.durable import sync_folder, write_file
 
 CHUNK = 1 << 20  # bytes read at once
@@ -21,15 +22,21 @@ _log = logging.getLogger(__name__)
 
 class Archive:
     """The sealed files under `folder`; `work` is where they are made, None where nothing may be sealed. `gone`: why
-    bytes that are not there had to go, by their SHA-256; None where nobody knows."""
+    bytes that are not there had to go, by their SHA-256; None where nobody knows. `behind`: an archive to read from
+    what is not here. Where it lies in a bucket, everything raises BucketError besides."""
 
-    def __init__(self, folder: Path, work: Path | None, gone: Callable[[str], str | None] = lambda _: None) -> None:
+    def __init__(self, folder: Place, work: Path | None, gone: Callable[[str], str | None] = lambda _: None) -> None:
         self.folder = folder
+        self.behind: Archive | None = None
         self._work = work
         self._gone = gone
 
-    def path(self, sha256: str) -> Path:
+    def path(self, sha256: str) -> Place:
         """Where the bytes lie, or would. Raises DamageError where `sha256` is none."""
+        own = self._own(sha256)
+        return own if self.behind is None or own.is_file() else self.behind.path(sha256)
+
+    def _own(self, sha256: str) -> Place:
         if not re.fullmatch(r"[0-9a-f]{64}", sha256):
             raise DamageError(
                 f"{self.folder}: {sha256!r} is not a SHA-256 in 64 hexadecimal digits: see `whyhot verify`"
@@ -42,7 +49,7 @@ class Archive:
 
     def __iter__(self) -> Iterator[str]:
         """The name of every sealed file, in order."""
-        for path in sorted(self.folder.glob("??/*")):
+        for path in listed(self.folder, "*/*"):
             if re.fullmatch(r"[0-9a-f]{64}", path.name) and path.parent.name == path.name[:2]:
                 yield path.name
 
@@ -59,13 +66,18 @@ class Archive:
         made = write_file(self._work, _hashed(data, digest))
         try:
             sha256 = digest.hexdigest()
-            target = self.path(sha256)
+            target = self._own(sha256)
+            whole = self._is_whole(sha256)
+            if isinstance(target, ObjectPath):
+                if not whole:
+                    target.put(made)
+                return sha256
             target.parent.mkdir(exist_ok=True)
-            if not self._is_whole(sha256):
+            if not whole:
                 made.chmod(made.stat().st_mode & 0o444)
                 made.replace(target)
             sync_folder(target.parent)
-            sync_folder(self.folder)
+            sync_folder(target.parent.parent)
         finally:
             made.unlink(missing_ok=True)
         return sha256
@@ -91,6 +103,23 @@ class Archive:
                 yield chunk
         if digest.hexdigest() != sha256:
             raise DamageError(_damaged(self.path(sha256), size))
+
+    def lend(self, sha256: str, named: Path) -> None:
+        """Let the new file `named` hold the sealed bytes, only to be read: a link, or a copy out of the bucket.
+        Raises DamageError where they are missing or not what was sealed."""
+        path = self.path(sha256)
+        if isinstance(path, Path):
+            if damage := self.damage(sha256):
+                raise DamageError(damage)
+            named.symlink_to(path.absolute())
+        else:
+            with named.open("xb") as file:
+                file.writelines(self.chunks(sha256))
+
+    def size(self, sha256: str) -> int:
+        """How many bytes were sealed. Raises DamageError where they are missing."""
+        with self._opened(sha256) as file:
+            return file.seek(0, os.SEEK_END)
 
     def damage(self, sha256: str, read: bool = True) -> str | None:
         """What is wrong with a sealed file, in one line; None where it is whole (without `read`: where it is there)."""
@@ -128,7 +157,7 @@ class Archive:
         return damage is None
 
 
-def _damaged(path: Path, size: int) -> str:
+def _damaged(path: Place, size: int) -> str:
     return f"{path}: is damaged, its {size:,} bytes are not those that were sealed: {ADVICE}"
 
 

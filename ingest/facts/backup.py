@@ -103,14 +103,13 @@ def _copy(source: Store, target: Store, read: bool, tell: Callable[[str], None])
     files, there, left = cited(recorded), list[int](), list[str]()
     copied = list[int]()
     for number, (sha256, file) in enumerate(files.items(), 1):
-        path = target.archive.path(sha256)
         if target.archive.damage(sha256, read) is None:
-            there.append(path.stat().st_size)
+            there.append(target.archive.size(sha256))
             continue
         tell(f"sealed file {number:,} of {len(files):,}: {file.what}")
         try:
             target.archive.seal(source.archive.chunks(sha256))
-            copied.append(path.stat().st_size)
+            copied.append(target.archive.size(sha256))
         except DamageError as error:
             left.append(f"{error} ({file.what})")
     if len(recorded) > held:
@@ -120,7 +119,7 @@ def _copy(source: Store, target: Store, read: bool, tell: Callable[[str], None])
         Amount(held, len(there), sum(there)),
         target.ledger.head(),
         left,
-        sweep(target.folder, target.archive, forgotten(recorded)),
+        sweep(target, forgotten(recorded)),
     )
 
 

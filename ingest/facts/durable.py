@@ -6,10 +6,14 @@ import hashlib
 import os
 from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 from uuid import uuid4
 
+if TYPE_CHECKING:
+    from ingest.facts.bucket import Place
 
-def sha256_of(path: Path) -> str:
+
+def sha256_of(path: Place) -> str:
     """SHA-256 (hex) of the bytes of a file."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

@@ -20,16 +20,16 @@ from ingest.facts.ledger import INDEX, PAGE, Ledger, placed
 from ingest.facts.ledger_history import LedgerHistory
 from ingest.facts.ledger_place import DATABASE_ERRORS, LedgerPlace, SqliteFile
 from ingest.facts.ledger_server import Server, ServerTable, shown
-from ingest.facts.store import Store, server_of
+from ingest.facts.store import Store, mark_of
 
 HERE = "sqlite"  # the word for a ledger in the store's folder
 FILE = "ledger.sqlite"
 
 
 @dataclass(frozen=True)
-class MovedLedger:
-    """Where it was and where it is, without passwords; its head, equal in both; `left`: a line for each thing of the
-    old ledger that could not be removed."""
+class MovedStore:
+    """Where ledger or files were and where they are, without passwords; the head, equal in both; `left`: a line for
+    each thing at the old place that could not be removed."""
 
     was: str
     now: str
@@ -37,14 +37,14 @@ class MovedLedger:
     left: tuple[str, ...]
 
 
-def move(folder: Path, to: str, tell: Callable[[str], None] = lambda line: None) -> MovedLedger:
+def move(folder: Path, to: str, tell: Callable[[str], None] = lambda line: None) -> MovedStore:
     """Move the ledger of the store in `folder` to the URL `to`, or with "sqlite" into the folder.
 
     Raises StoreError where it is there already, LedgerError where `to` is no URL of a server or the server refuses,
     DamageError where the ledger is damaged; then nothing has changed.
     """
     server = None if to == HERE else Server.new(to)
-    old = server_of(folder)
+    old = mark_of(folder).ledger
     if (old and old.url) == (server and server.url):
         where = shown(to) if server else "its folder"
         raise StoreError(f"{folder}: its ledger is in {where} already: nothing was moved")
@@ -53,9 +53,9 @@ def move(folder: Path, to: str, tell: Callable[[str], None] = lambda line: None)
         store.ledger.events()
         made = _copied(store, server, tell)
         head = store.ledger.head()
-        store.put_ledger(server)
+        store.put_mark(store.mark._replace(ledger=server))
         was = store.ledger.place
-        return MovedLedger(was.where, made.where, head, _removed(store.folder, was))
+        return MovedStore(was.where, made.where, head, _removed(store.folder, was))
 
 
 def _copied(store: Store, server: Server | None, tell: Callable[[str], None]) -> LedgerPlace:

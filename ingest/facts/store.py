@@ -9,12 +9,13 @@ from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, NamedTuple, Self
 from uuid import uuid4
 
 from ingest.errors import IngestError, LedgerError, StoreError
 from ingest.facts.alias import reachable
 from ingest.facts.archive import Archive
+from ingest.facts.bucket import Bucket, ObjectPath, Place
 from ingest.facts.durable import sync_folder, sync_tree, write_file
 from ingest.facts.ledger import Ledger
 from ingest.facts.ledger_server import Server
@@ -24,22 +25,38 @@ if TYPE_CHECKING:
 
 SCHEMA = "whyhot.store/1"
 ON_SERVER = "whyhot.store/2"  # of a store whose ledger lies in a server, so that a whyhot that knows none refuses it
+IN_BUCKET = "whyhot.store/3"  # of one whose files lie in a bucket, wherever its ledger does
 MARK = "store.json"
 OURS = {MARK, "archive", "decoded", "tmp", "ledger.lock", "ledger.sqlite", "ledger.index", "ledger.index-new"}
 OURS |= {f"ledger.sqlite-{beside}" for beside in ("shm", "wal", "journal")}  # what SQLite leaves where it was stopped
 
 
+class Mark(NamedTuple):
+    """What store.json says: where ledger and files lie, None: in the folder."""
+
+    ledger: Server | None = None
+    files: Bucket | None = None
+
+
+IN_FOLDER = Mark()
+
+
 class Store:
     """An open store; use it in a `with` statement. At its end a writer seals what it appended."""
 
-    def __init__(self, folder: Path, ledger: Ledger | None, *, write: bool, new: bool = False) -> None:
+    def __init__(
+        self, folder: Path, ledger: Ledger | None, mark: Mark = IN_FOLDER, *, write: bool, new: bool = False
+    ) -> None:
         self.folder = folder
+        self.mark = mark
+        self.files = place_of(folder, mark)
         self._ledger = ledger
         self._write = write
         self._new = new
         self._tmp = folder / "tmp"
         self._works: list[Path] = []
-        self.archive = Archive(folder / "archive", self._tmp if write else None, self._gone)
+        self.archive = Archive(self.files / "archive", self._tmp if write else None, self._gone)
+        self._behind: Store | None = None
 
     @classmethod
     def open(cls, folder: Path, *, create: bool = False, write: bool = False, alone: bool = False) -> Self:
@@ -54,21 +71,21 @@ class Store:
             new = create and _is_free(folder)
             if new:
                 folder.mkdir(parents=True, exist_ok=True)
-            server = None if new else server_of(folder)
+            mark = IN_FOLDER if new else mark_of(folder)
             folder = reachable(folder)
             try:
-                ledger = Ledger(folder, write=write, create=new, server=server, alone=alone)
+                ledger = Ledger(folder, write=write, create=new, server=mark.ledger, alone=alone)
             except LedgerError:
-                if new or server_of(folder) == server:
+                if new or mark_of(folder) == mark:
                     raise
                 return cls.open(folder, write=write, alone=alone)  # moved while this was looking for it
             try:
-                store = cls(folder, ledger, write=write, new=new)
+                if write and not new and mark_of(folder) != mark:  # moved while this waited for its turn
+                    ledger.close()
+                    return cls.open(folder, write=True, alone=alone)
+                store = cls(folder, ledger, mark, write=write, new=new)
                 if write:
                     store._make_ready(alone)
-                    if server_of(folder) != server:  # moved while this waited for its turn
-                        ledger.close()
-                        return cls.open(folder, write=True, alone=alone)
                 return store
             except BaseException:
                 ledger.close()
@@ -80,10 +97,10 @@ class Store:
             ) from None
 
     @classmethod
-    def files(cls, folder: Path) -> Self:
+    def files_of(cls, folder: Path) -> Self:
         """The sealed and decoded files alone, for a worker that is given the facts: its machine may see the folder over
         a network, where a ledger that is being written cannot be read."""
-        return cls(folder, None, write=False)
+        return cls(folder, None, mark_of(folder), write=False)
 
     @property
     def ledger(self) -> Ledger:
@@ -132,18 +149,36 @@ class Store:
         self._works.append(folder)
         return folder
 
-    def decoded(self, decode: str) -> Path:
+    def decoded(self, decode: str) -> Place:
         """Where the products of a decode lie, or would. Raises StoreError for what cannot be the name of a folder."""
+        own = self._own(decode)
+        return own if self._behind is None or own.exists() else self._behind.decoded(decode)
+
+    def read_behind(self, store: Store) -> None:
+        """From now on read from `store` what files are not here."""
+        self._behind, self.archive.behind = store, store.archive
+
+    @property
+    def bucket(self) -> Bucket | None:
+        """Where files lie that are read here and are in no folder."""
+        return self.mark.files or (self._behind.bucket if self._behind else None)
+
+    def _own(self, decode: str) -> Place:
         if not decode.isalnum():
             raise StoreError(f"{self.folder}: {decode!r} is not the id of a decode: see `whyhot verify`")
-        return self.folder / "decoded" / decode
+        return self.files / "decoded" / decode
 
-    def publish(self, made: Path, decode: str) -> Path:
+    def publish(self, made: Path, decode: str) -> Place:
         """Move the folder `made` (from `work`) to its place as a whole, and to disk. One that is there is replaced.
 
-        Raises OSError where the disk is full or fails; then the old one or none is there, and a rebuild makes it again.
+        In a bucket file by file, each whole: the event that names them comes after. Raises OSError where the disk is
+        full or fails; then the old one or none is there, and a rebuild makes it again.
         """
-        target = self.decoded(decode)
+        target = self._own(decode)
+        if isinstance(target, ObjectPath):
+            for file in sorted(made.iterdir()):
+                (target / file.name).put(file)
+            return target
         sync_tree(made)
         while not _moved(made, target):
             with suppress(FileNotFoundError):  # another writer has moved it away
@@ -152,18 +187,25 @@ class Store:
         return target
 
     def _gone(self, sha256: str) -> str | None:
-        """Why sealed bytes that are not there had to go, None where they had not, or the ledger cannot be read."""
+        """Why sealed bytes that are not there had to go, None where they had not, or the ledger cannot be read. Raises
+        StoreError where they were moved since the store was opened."""
+        if self._ledger is not None and mark_of(self.folder) != self.mark:
+            raise StoreError(f"{self.folder}: its files were moved meanwhile: run the same command again")
         try:
             return self.forgotten.files.get(sha256)
         except IngestError:
             return None
 
-    def put_ledger(self, server: Server | None) -> None:
-        """Say in the mark where the ledger lies from now on: whole, or as it was. None: in the folder."""
-        on_server = {"schema": ON_SERVER, "ledger": server._asdict()} if server else None
-        text = json.dumps(on_server or {"schema": SCHEMA}) + "\n"
-        write_file(self._tmp, [text.encode()]).replace(self.folder / MARK)
+    def put_mark(self, mark: Mark) -> None:
+        """Say where ledger and files lie from now on: whole, or as it was."""
+        said: dict[str, object] = {"schema": IN_BUCKET if mark.files else ON_SERVER if mark.ledger else SCHEMA}
+        if mark.ledger:
+            said["ledger"] = mark.ledger._asdict()
+        if mark.files:
+            said["files"] = mark.files.url
+        write_file(self._tmp, [(json.dumps(said) + "\n").encode()]).replace(self.folder / MARK)
         sync_folder(self.folder)
+        self.mark = mark
 
     def _make_ready(self, alone: bool) -> None:
         """Make what is missing of the layout, the mark last: a creation that was stopped is taken up by the next. What
@@ -172,9 +214,12 @@ class Store:
             (self.folder / part).mkdir(exist_ok=True)
         lock = self.ledger.lock
         if lock and lock.alone:
-            _empty(self._tmp)
+            empty(self._tmp)
+            if self.mark.files:  # what a move that was stopped behind the mark left
+                empty(self.folder / "archive")
+                empty(self.folder / "decoded")
         if not (self.folder / MARK).exists():
-            self.put_ledger(None)
+            self.put_mark(self.mark)
         sync_folder(self.folder)
         if lock and self.ledger.place.shared and not alone:
             lock.share()
@@ -192,23 +237,29 @@ def _is_free(folder: Path) -> bool:
     return True
 
 
-def server_of(folder: Path) -> Server | None:
-    """Where the ledger of the store in `folder` lies by its mark; None: in the folder.
+def place_of(folder: Path, mark: Mark) -> Place:
+    """What archive and decoded files of the store in `folder` lie under."""
+    return mark.files.root if mark.files else folder
+
+
+def mark_of(folder: Path) -> Mark:
+    """What the mark of the store in `folder` says.
 
     Raises StoreError where there is no store, or one of a schema that is not known here.
     """
     try:
-        mark = json.loads((folder / MARK).read_bytes())
-        schema = mark["schema"]
-        server = Server(**mark["ledger"]) if schema == ON_SERVER else None
+        said = json.loads((folder / MARK).read_bytes())
+        schema = said["schema"]
+        server = Server(**said["ledger"]) if schema == ON_SERVER or (schema == IN_BUCKET and "ledger" in said) else None
+        files = Bucket(said["files"]) if schema == IN_BUCKET else None
     except (FileNotFoundError, NotADirectoryError):
         advice = "`whyhot ingest FILE...` makes one, --store DIR or WHYHOT_STORE names another"
         raise StoreError(f"{folder}: there is no store here: {advice}") from None
     except (ValueError, TypeError, KeyError):
         raise StoreError(f"{folder / MARK}: is not readable: it should hold {json.dumps({'schema': SCHEMA})}") from None
-    if schema not in (SCHEMA, ON_SERVER):
+    if schema not in (SCHEMA, ON_SERVER, IN_BUCKET):
         raise StoreError(f"{folder / MARK}: schema {schema!r} is not known here (this is {SCHEMA}): update whyhot")
-    return server
+    return Mark(server, files)
 
 
 def _moved(made: Path, target: Path) -> bool:
@@ -222,8 +273,8 @@ def _moved(made: Path, target: Path) -> bool:
     return True
 
 
-def _empty(folder: Path) -> None:
-    """Remove what writers left in `folder`; only one that is alone may."""
+def empty(folder: Path) -> None:
+    """Remove what was left in `folder`; only a writer that is alone may."""
     for path in folder.iterdir():
         if path.is_dir():
             shutil.rmtree(path)

@@ -10,7 +10,9 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
+from ingest.errors import StoreError
 from ingest.facts.archive import Archive
+from ingest.facts.bucket import ObjectPath, Place, listed
 from ingest.facts.chain import Head
 from ingest.facts.cited import BACKUP, Cited, cited, forgotten, sessions_on
 from ingest.facts.durable import sha256_of
@@ -22,7 +24,7 @@ from ingest.facts.ledger_history import Flaw, LedgerHistory
 from ingest.facts.ledger_index import LedgerIndex
 from ingest.facts.ledger_lock import has_wal_reset_bug
 from ingest.facts.ledger_place import SqliteFile
-from ingest.facts.store import Store
+from ingest.facts.store import Store, mark_of, place_of
 from ingest.facts.sweeping import remains
 
 AGAIN = "`whyhot rebuild` makes it again"
@@ -53,7 +55,7 @@ class StoreCheck:
     head: Head | None = None
     is_backup: bool = False
 
-    def twice(self, path: Path, look: Callable[[], str | None]) -> str | None:
+    def twice(self, path: Place, look: Callable[[], str | None]) -> str | None:
         """What `look` finds at `path`, where it finds something a second time too; else that is a hint."""
         first = look()
         if first is None:
@@ -78,7 +80,7 @@ def check(store: Store, read: bool = True, since: Head | None = None) -> StoreCh
         first, seen = seen, audit(store.ledger, since)
         if not seen.findings:
             found.hints.append(f"{place.where}: was read wrong at first and right after: {first.findings[0].says}")
-    _check_files(found, store.folder, store.archive, seen, read)
+    _check_files(found, store.files, store.archive, seen, read)
     index = store.folder.absolute() / INDEX
     kept = LedgerIndex.load(index, place.stamp())
     if kept and not seen.findings and not kept.says_as(seen.recorded):
@@ -94,7 +96,10 @@ def check_without_ledger(folder: Path, why: str, read: bool = True) -> StoreChec
     """Check the store in `folder`, whose ledger cannot be opened (`why`): each sealed file against its name."""
     found = StoreCheck()
     unread = LedgerHistory(findings=[Flaw(why)])
-    _check_files(found, folder, Archive(folder / "archive", None), unread, read)
+    files: Place = folder
+    with suppress(StoreError):
+        files = place_of(folder, mark_of(folder))
+    _check_files(found, files, Archive(files / "archive", None), unread, read)
     return found
 
 
@@ -108,7 +113,7 @@ def hints(store: Store) -> list[str]:
     return check(store, read=False).hints
 
 
-def _check_files(found: StoreCheck, folder: Path, archive: Archive, seen: LedgerHistory, read: bool) -> None:
+def _check_files(found: StoreCheck, folder: Place, archive: Archive, seen: LedgerHistory, read: bool) -> None:
     facts, files = fold(seen.recorded), cited(seen.recorded)
     for says, stream in seen.findings:
         key = stream.partition("-")[2] if stream else ""
@@ -144,7 +149,7 @@ def _check_sealed(
 
 def _check_products(
     found: StoreCheck,
-    folder: Path,
+    folder: Place,
     decodes: list[DecodeCompleted],
     read: bool,
     affects: Callable[[str], tuple[str, ...]],
@@ -173,7 +178,7 @@ def _check_products(
     found.whole["decoded files"] = count - bad, count
 
 
-def _changed(path: Path, sha256: str, read: bool) -> str | None:
+def _changed(path: Place, sha256: str, read: bool) -> str | None:
     try:
         if not read or sha256_of(path) == sha256:
             return None
@@ -182,18 +187,20 @@ def _changed(path: Path, sha256: str, read: bool) -> str | None:
     return f"{path}: is damaged, its bytes are not those that the decode gave: {AGAIN}"
 
 
-def _from_disk(path: Path) -> None:
+def _from_disk(path: Place) -> None:
     """Let what is read next come from the disk and not from memory, where the system can do that."""
+    if isinstance(path, ObjectPath):
+        return
     with suppress(OSError, AttributeError), path.open("rb") as file:
         os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
 
 
-def _strays(folder: Path, archive: Archive, files: set[str], decodes: set[str]) -> Iterator[str]:
+def _strays(folder: Place, archive: Archive, files: set[str], decodes: set[str]) -> Iterator[str]:
     """What a command that was stopped leaves behind: bytes without an event. They do no harm."""
     for sha256 in archive:
         if sha256 not in files:
             yield f"{archive.path(sha256)}: no event cites it: a stopped command left it, it may stay"
-    for made in sorted((folder / "decoded").glob("*")):
+    for made in listed(folder / "decoded", "*"):
         if made.name not in decodes:
             yield f"{made}: no event names it: a stopped command left it, it may be deleted"
 

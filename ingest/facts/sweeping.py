@@ -8,12 +8,15 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterator
-from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from ingest.facts.archive import Archive
+from ingest.facts.bucket import ObjectPath, Place, listed
 from ingest.facts.cited import Forgotten
 from ingest.facts.durable import sync_folder
+
+if TYPE_CHECKING:
+    from ingest.facts.store import Store
 
 WAREHOUSE = "warehouse*"  # the tables for SQL, old ones and unfinished ones too: they are made again from what is left
 
@@ -25,23 +28,28 @@ class Swept(NamedTuple):
     bytes: int = 0
 
 
-def remains(folder: Path, archive: Archive, gone: Forgotten) -> Iterator[tuple[Path, str]]:
+def remains(files: Place, archive: Archive, gone: Forgotten) -> Iterator[tuple[Place, str]]:
     """Sealed files and folders of decodes that should be gone and are there, each with what says why. A forged name
     leads nowhere else: only what lies in the store under its own name is looked for."""
     sealed = ((archive.path(sha256), sha256) for sha256 in archive) if gone.files else ()
     yield from ((path, gone.files[sha256]) for path, sha256 in sealed if sha256 in gone.files)
-    decoded = sorted((folder / "decoded").glob("*")) if gone.decodes else ()
+    decoded = listed(files / "decoded", "*") if gone.decodes else ()
     yield from ((path, gone.decodes[path.name]) for path in decoded if path.name in gone.decodes)
 
 
-def sweep(folder: Path, archive: Archive, gone: Forgotten) -> Swept:
-    """Remove what should be gone from the store in `folder`, to which nobody else writes. Raises OSError where a file
+def sweep(store: Store, gone: Forgotten) -> Swept:
+    """Remove what should be gone from a store, to which nobody else writes. Raises OSError or BucketError where a file
     cannot be removed; the next sweep goes on from there."""
-    there = [path for path, _ in remains(folder, archive, gone)]
+    there = [path for path, _ in remains(store.files, store.archive, gone)]
     if there:  # first the tables, which nothing but the bytes behind them tells to be old
-        there = [*folder.glob(WAREHOUSE), *there]
+        there = [*store.folder.glob(WAREHOUSE), *there]
     done = Swept()
     for path in there:
+        if isinstance(path, ObjectPath):
+            sizes = path.sizes()
+            done = Swept(done.files + len(sizes), done.bytes + sum(sizes))
+            path.remove()
+            continue
         files = [one for one in (path, *path.rglob("*")) if one.is_file()]
         done = Swept(done.files + len(files), done.bytes + sum(one.stat().st_size for one in files))
         if path.is_dir():

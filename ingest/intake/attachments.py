@@ -67,7 +67,7 @@ def attach(store: Store, paths: Sequence[Path], finding: Finding) -> list[Attach
             sha256=sha256,
             name=kept_name(path),
             media_type=MimeTypes().guess_type(path.name, strict=False)[0] or UNKNOWN_TYPE,  # the same on every machine
-            size=store.archive.path(sha256).stat().st_size,
+            size=store.archive.size(sha256),
             specimen=specimen,
             happened=happened,
             session=session,

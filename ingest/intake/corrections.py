@@ -154,12 +154,13 @@ def read_again(
         paths = []
         for one in plans:
             sealed = facts.files[one.raw]
-            if damage := store.archive.damage(one.raw):
-                raise DamageError(f"{sealed.name}: {damage}: it cannot be read again")
             folder = work / one.raw
             folder.mkdir()
             paths.append(folder / sealed.name)
-            paths[-1].symlink_to(store.archive.path(one.raw).absolute())
+            try:
+                store.archive.lend(one.raw, paths[-1])
+            except DamageError as error:
+                raise DamageError(f"{sealed.name}: {error}: it cannot be read again") from None
         return take_in(store, paths, plans[0].setup, plans[0].said, tell, batch).refusals
     finally:
         shutil.rmtree(work, ignore_errors=True)

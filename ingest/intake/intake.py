@@ -163,13 +163,14 @@ def redecode(store: Store, known: Facts) -> None:
 def _redecode(reader: Reader, store: Store, known: Facts, decode: DecodeCompleted) -> None:
     setup = sealed_setup(store, known, decode)
     sealed = known.files[decode.raw]
-    damage = store.archive.damage(decode.raw)
-    if damage:
-        raise DamageError(f"{sealed.name}: {damage}: what was made from it before is left as it is")
     work = store.work()
     try:
         named = work / sealed.name  # readers know a format by its name
-        named.symlink_to(store.archive.path(decode.raw).absolute())
+        try:
+            store.archive.lend(decode.raw, named)
+        except DamageError as error:
+            says = f"{sealed.name}: {error}: what was made from it before is left as it is"
+            raise DamageError(says) from None
         one = _record(reader, named, decode.raw, recognise(named), setup, work)
         if one.reading is None:
             raise IngestError(f"{sealed.name}: could be read when it was ingested, and cannot now: {one.why}")

@@ -48,11 +48,12 @@ def locate(store: Store, facts: Facts, decode: DecodeCompleted, records: Sequenc
     Raises DamageError where the bytes are not what was sealed; a record that is not there has no entry.
     """
     sealed = facts.files[decode.raw]
-    if damage := store.archive.damage(decode.raw):
-        raise DamageError(f"{sealed.name}: {damage}")
     with TemporaryDirectory(prefix="whyhot-") as folder:
         named = Path(folder) / sealed.name  # readers know a format by its name
-        named.symlink_to(store.archive.path(decode.raw).absolute())
+        try:
+            store.archive.lend(decode.raw, named)
+        except DamageError as error:
+            raise DamageError(f"{sealed.name}: {error}") from None
         log = open_log(named, sealed_setup(store, facts, decode).time(recognise(named)))
         log.sought = sorted(set(records))
         found: dict[int, Located] = {}

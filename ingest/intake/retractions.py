@@ -80,7 +80,7 @@ def forget(store: Store, texts: Sequence[str], why: str) -> ForgottenLogs:
             batch.append((one.stream, LogForgotten(raw=one.key, name=one.name, size=_size(store, one), why=why)))
     named = [one for one in backs if any(stream == one.stream for stream, _ in batch)]
     done = _grouped(store, facts, named, batch)
-    return ForgottenLogs(done, before, sweep(store.folder, store.archive, forgotten(store.ledger.events())))
+    return ForgottenLogs(done, before, sweep(store, forgotten(store.ledger.events())))
 
 
 def _size(store: Store, log: NamedFact) -> int:

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import pyarrow as pa
@@ -19,6 +19,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from ingest.errors import DamageError
+from ingest.facts.bucket import Place
 from ingest.log.arrow import from_numpy
 
 FIXED = ("t_ns", "log_t_ns", "file_id", "record")
@@ -130,9 +131,9 @@ class RowGroup:
         return bool(self.record[0] <= file["last_record"] and self.record[1] >= file["first_record"])
 
 
-def row_groups(path: Path) -> list[RowGroup]:
+def row_groups(path: Place) -> list[RowGroup]:
     """What each row group of the group at `path` holds; nothing of its pages is read. Raises DamageError."""
-    with _reading(path), pq.ParquetFile(path) as file:
+    with _reading(path), pq.ParquetFile(_source(path)) as file:
         names = file.schema_arrow.names
         at = [names.index("t_ns"), names.index("record")]
         found = [file.metadata.row_group(i) for i in range(file.num_row_groups)]
@@ -145,19 +146,23 @@ def _span(statistics: Any) -> tuple[int, int]:
     return int(statistics.min), int(statistics.max)
 
 
-def read(path: Path, columns: Sequence[str] | None = None, groups: Sequence[int] | None = None) -> pa.Table:
+def read(path: Place, columns: Sequence[str] | None = None, groups: Sequence[int] | None = None) -> pa.Table:
     """The group at `path`, or some of its columns, or some of its row groups; every page read is checked against its
     CRC. Raises DamageError."""
     with _reading(path):
-        with pq.ParquetFile(path, page_checksum_verification=True) as file:
+        with pq.ParquetFile(_source(path), page_checksum_verification=True) as file:
             asked = None if columns is None else list(columns)
             table = file.read(asked) if groups is None else file.read_row_groups(list(groups), asked)
         table.validate(full=True)  # page headers are outside the CRCs
         return table
 
 
+def _source(path: Place) -> Path | BinaryIO:
+    return path if isinstance(path, Path) else path.parts()
+
+
 @contextmanager
-def _reading(path: Path) -> Iterator[None]:
+def _reading(path: Place) -> Iterator[None]:
     """What goes wrong in a file that is there is damage, and said so."""
     try:
         yield

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from ingest.bench.bench_file import SCHEMA, read_bench
@@ -102,7 +103,10 @@ def _last_setup(store: Store, facts: Facts, motor_file: Callable[[Path], MotorFi
     last = decodes[-1]
     setup = sealed_setup(store, facts, last)
     if last.model:
-        motor = motor_file(store.archive.path(last.model))
+        with TemporaryDirectory(prefix="whyhot-") as folder:
+            named = Path(folder) / last.model
+            store.archive.lend(last.model, named)
+            motor = motor_file(named)
         setup = replace(setup, motor=replace(motor, file=facts.models[last.model].file))
     name = facts.benches[str(last.bench)].name
     return FoundSetup(setup, f"{name} of the store, as {facts.files[last.raw].name} came with")

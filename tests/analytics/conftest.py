@@ -19,6 +19,7 @@ from ingest.facts.events import (
     SessionRecorded,
 )
 from ingest.facts.store import Store
+from made.places import on_disk
 
 SECOND = 1_000_000_000
 START = 1_760_000_000 * SECOND
@@ -38,7 +39,7 @@ def write_group(
     store: Store, decode: str, group: str, raw: str, t_ns: list[int], columns: dict[str, list[object]]
 ) -> None:
     """One Parquet file of a decode, in the layout of `ingest.log.samples`."""
-    folder = store.decoded(decode)
+    folder = on_disk(store.decoded(decode))
     folder.mkdir(exist_ok=True)
     fixed = {"t_ns": t_ns, "log_t_ns": t_ns, "file_id": [raw] * len(t_ns), "record": list(range(len(t_ns)))}
     pq.write_table(pa.table({**fixed, **columns}), folder / f"{group}.parquet", use_dictionary=["file_id"])

@@ -21,6 +21,7 @@ from analytics.reference import examples
 from ingest.facts.events import DecodeCompleted, InspectionRecorded, RawFileSealed, SessionRecorded
 from ingest.facts.store import Store
 from ingest.texts.quantities import STORED_UNIT
+from made.places import on_disk
 
 HOUR_s = 3600
 START_NS = 1_760_000_000 * 10**9
@@ -51,7 +52,7 @@ def add(store: Store) -> Add:
         start = START_NS + round((at_h or 0.0) * HOUR_s * 1e9)
         t_ns = start + np.round(np.arange(size) * step_s * 1e9).astype(np.int64)
         kept = np.setdiff1d(np.arange(size), more.pop("lost", []))
-        folder = store.decoded(decode)
+        folder = on_disk(store.decoded(decode))
         folder.mkdir()
         fixed = {"t_ns": t_ns[kept], "log_t_ns": t_ns[kept], "file_id": [raw] * len(kept), "record": kept}
         values = {channel: np.asarray(value, np.float64)[kept] for channel, (_, _, value) in columns.items()}

@@ -15,6 +15,7 @@ from analytics.errors import AnalyticsError, QueryError, RefusedQueryError
 from analytics.query import LONGEST, run
 from ingest.facts.store import Store
 from made.escapes import ESCAPES, SECRET
+from made.places import on_disk
 
 NAMES = ", ".join(warehouse.VIEWS)
 ADVICE = "whyhot sql only reads: SELECT, FROM, WITH, VALUES, DESCRIBE, SHOW TABLES, SUMMARIZE, EXPLAIN"
@@ -77,7 +78,7 @@ def test_no_query_leaves_the_store_or_writes(
     outside.write_text(f"secret\n{SECRET}\n")
     with duckdb.connect(str(other)) as database:
         database.execute(f"CREATE TABLE s AS SELECT '{SECRET}' AS secret")
-    inside = shared_store.decoded("d2")
+    inside = on_disk(shared_store.decoded("d2"))
     before = [sorted(folder.rglob("*")) for folder in (tmp_path, shared_store.folder)]
     words = {"outside": outside, "inside": inside, "raw": inside / "rows.parquet", "db": other}
     sql = sql.format(**{word: str(path).replace("'", "''") for word, path in words.items()})
@@ -97,7 +98,7 @@ def test_the_raw_connection_is_confined_too(
     connection: duckdb.DuckDBPyConnection, shared_store: Store, tmp_path: Path
 ) -> None:
     (tmp_path / "outside.csv").write_text(SECRET)
-    inside = str(shared_store.decoded("d2")).replace("'", "''")
+    inside = str(on_disk(shared_store.decoded("d2"))).replace("'", "''")
     for sql in (
         f"SELECT * FROM read_text('{tmp_path}/outside.csv')",
         f"SELECT * FROM read_blob('{inside}/../../../../../../../../../../../..{tmp_path}/outside.csv')",
@@ -111,7 +112,7 @@ def test_the_raw_connection_is_confined_too(
     ):
         with pytest.raises(duckdb.Error):
             connection.execute(sql)
-    assert not (shared_store.decoded("d2") / "stolen.csv").exists()
+    assert not (on_disk(shared_store.decoded("d2")) / "stolen.csv").exists()
 
 
 def test_memory_and_threads_are_limited(connection: duckdb.DuckDBPyConnection) -> None:
@@ -172,7 +173,7 @@ def test_a_parquet_file_that_vanished_is_one_line(store: Store) -> None:
         warehouse.refresh(store) as opened,
         pytest.raises(QueryError, match=r"^SQL: [^\n]*rows\.parquet: is missing: run `whyhot rebuild`$"),
     ):
-        (store.decoded("d2") / "rows.parquet").unlink()
+        (on_disk(store.decoded("d2")) / "rows.parquet").unlink()
         run(opened.connection, "SELECT * FROM samples WHERE channel = 'oven'")
 
 

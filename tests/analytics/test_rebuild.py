@@ -15,6 +15,7 @@ from analytics.rebuild import rebuild
 from ingest.facts.events import DecodeCompleted
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
+from made.places import on_disk
 
 
 class Redecode:
@@ -34,7 +35,7 @@ def redecode(store: Store, tmp_path: Path) -> Iterator[Redecode]:
     """The store's events name the hashes of what is decoded now."""
     for one in store.ledger.events(DecodeCompleted):
         assert isinstance(one.event, DecodeCompleted)
-        paths = sorted(store.decoded(one.event.decode).glob("*"))
+        paths = sorted(on_disk(store.decoded(one.event.decode)).glob("*"))
         products = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
         store.ledger.append(one.stream, DecodeCompleted(**{**vars(one.event), "products": products}))
     yield Redecode(store, tmp_path / "copy")
@@ -67,7 +68,9 @@ def test_a_product_that_differs_is_named_and_so_are_its_views(store: Store, rede
     pq.write_table(pq.read_table(path).slice(0, 9), path)
     done = rebuild(store, redecode, verify=True)
     product, view = done.differences
-    assert product.startswith(f"{store.decoded('d2') / 'rows.parquet'}: differs from what its event names (sha256 ")
+    assert product.startswith(
+        f"{on_disk(store.decoded('d2')) / 'rows.parquet'}: differs from what its event names (sha256 "
+    )
     assert view == "view samples: holds other rows than before"
 
 
@@ -76,7 +79,7 @@ def test_a_product_that_is_not_made_again_is_named(store: Store, redecode: Redec
     more = {"products": {**vars(last)["products"], "recording.mcap": "0" * 64}}
     store.ledger.append(stream, DecodeCompleted(**{**vars(last), **more}))
     done = rebuild(store, redecode, verify=True)
-    assert done.differences == (f"{store.decoded('d2') / 'recording.mcap'}: was not made again",)
+    assert done.differences == (f"{on_disk(store.decoded('d2')) / 'recording.mcap'}: was not made again",)
 
 
 def test_without_verify_nothing_is_compared(store: Store, redecode: Redecode) -> None:

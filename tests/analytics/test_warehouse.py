@@ -21,6 +21,7 @@ from analytics.errors import WarehouseError
 from ingest.errors import LedgerError
 from ingest.facts.events import SessionRecorded, SessionRegrouped
 from ingest.facts.store import Store
+from made.places import on_disk
 
 SECOND = 1_000_000_000
 START = 1_760_000_000 * SECOND
@@ -294,7 +295,7 @@ def test_the_second_broken_one_does_not_replace_the_first(store: Store) -> None:
 
 
 def test_a_missing_parquet_file_is_named_with_what_to_do(store: Store) -> None:
-    path = store.decoded("d2") / "rows.parquet"
+    path = on_disk(store.decoded("d2")) / "rows.parquet"
     path.unlink()
     with pytest.raises(WarehouseError) as caught:
         warehouse.refresh(store)
@@ -303,7 +304,7 @@ def test_a_missing_parquet_file_is_named_with_what_to_do(store: Store) -> None:
 
 
 def test_a_damaged_parquet_file_is_named_with_what_to_do(store: Store) -> None:
-    path = store.decoded("d2") / "rows.parquet"
+    path = on_disk(store.decoded("d2")) / "rows.parquet"
     path.write_bytes(b"no parquet")
     with pytest.raises(WarehouseError, match=r"rows\.parquet: cannot be read as Parquet .*: run `whyhot rebuild`$"):
         warehouse.refresh(store)
@@ -320,7 +321,7 @@ def test_a_missing_residual_file_asks_for_a_backup(store: Store) -> None:
 def test_files_of_other_schemas_are_read_beside_each_other(store: Store) -> None:
     pq.write_table(
         pa.table({"t_ns": [START], "record": [0], "oven_degC": [200]}),  # an integer column, and fewer of them
-        store.decoded("d2") / "rows.parquet",
+        on_disk(store.decoded("d2")) / "rows.parquet",
     )
     assert ask(store, "SELECT value FROM samples WHERE channel = 'oven'") == [(200.0,)]
 

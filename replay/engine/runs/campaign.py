@@ -95,7 +95,7 @@ def _work(job: Job) -> Completed | str:
     try:
         session = facts.session(job.session)
         asked = (job.model, job.level, job.integrator, job.work, job.unknown, job.check_filter)
-        return replay(Store.files(job.store), facts, session, *asked)
+        return replay(Store.files_of(job.store), facts, session, *asked)
     except (ReplayError, IngestError, TwinError) as error:
         return str(error)
 

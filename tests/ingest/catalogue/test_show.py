@@ -24,6 +24,7 @@ from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from ingest.log.samples import Column, GroupWriter, Samples
 from made.events import decode, raw
+from made.places import on_disk
 
 S = 1_000_000_000
 T0 = 1_760_000_000 * S  # 2025-10-09T08:53:20Z
@@ -95,7 +96,7 @@ def add(store: Store, name: str, start_s: int, bench: bool = True, **more: Any) 
     """A decoded table in the store: its products and its facts."""
     sealed = raw(name)
     number = hashlib.sha256(f"{name}{bench}".encode()).hexdigest()
-    folder = store.decoded(number)
+    folder = on_disk(store.decoded(number))
     folder.mkdir(parents=True)
     columns = [Column(COLUMNS[one][0], one, COLUMNS[one][2], COLUMNS[one][1]) for one in COLUMNS]
     writer = GroupWriter(folder / "rows.parquet", sealed.sha256, columns)
@@ -195,7 +196,7 @@ def test_without_a_bench_file_signals_have_guessed_quantities_or_none(store: Sto
 
 def test_missing_samples_say_how_to_make_them_again(store: Store) -> None:
     facts, session = one_session(store)
-    path = store.decoded(session.files[0]["decode"]) / "rows.parquet"
+    path = on_disk(store.decoded(session.files[0]["decode"])) / "rows.parquet"
     path.unlink()
     with pytest.raises(DamageError) as error:
         load(store, facts, session)

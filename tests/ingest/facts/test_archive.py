@@ -13,6 +13,7 @@ import pytest
 from ingest.errors import ChangingFileError, DamageError, StoreError
 from ingest.facts import archive as archive_module
 from ingest.facts.archive import Archive
+from made.places import on_disk
 
 DATA = bytes(range(256)) * 20
 SHA = hashlib.sha256(DATA).hexdigest()
@@ -33,12 +34,12 @@ def log(tmp_path: Path) -> Path:
 
 
 def leftovers(archive: Archive) -> list[Path]:
-    return list((archive.folder.parent / "tmp").iterdir())
+    return list((on_disk(archive.folder).parent / "tmp").iterdir())
 
 
 def test_bytes_and_files_are_sealed_under_their_sha256(archive: Archive, log: Path) -> None:
     assert archive.seal(DATA) == archive.seal(log) == SHA
-    assert archive.path(SHA) == archive.folder / SHA[:2] / SHA
+    assert on_disk(archive.path(SHA)) == archive.folder / SHA[:2] / SHA
     assert archive.has(SHA)
     assert archive.read(SHA) == DATA
     assert list(archive) == [SHA]
@@ -52,14 +53,14 @@ def test_a_file_longer_than_a_chunk_and_an_empty_one_are_sealed(archive: Archive
 
 
 def test_sealed_files_cannot_be_written_to(archive: Archive) -> None:
-    assert archive.path(archive.seal(DATA)).stat().st_mode & 0o222 == 0
+    assert on_disk(archive.path(archive.seal(DATA))).stat().st_mode & 0o222 == 0
 
 
 def test_sealing_the_same_bytes_again_keeps_the_file_that_is_there(archive: Archive) -> None:
     archive.seal(DATA)
-    before = archive.path(SHA).stat()
+    before = on_disk(archive.path(SHA)).stat()
     archive.seal(DATA)
-    after = archive.path(SHA).stat()
+    after = on_disk(archive.path(SHA)).stat()
     assert (before.st_ino, before.st_mtime_ns) == (after.st_ino, after.st_mtime_ns)
 
 
@@ -68,8 +69,8 @@ def test_a_damaged_file_is_replaced_by_the_true_bytes_and_said(
     archive: Archive, bad: bytes, caplog: pytest.LogCaptureFixture
 ) -> None:
     archive.seal(DATA)
-    archive.path(SHA).chmod(0o644)
-    archive.path(SHA).write_bytes(bad)
+    on_disk(archive.path(SHA)).chmod(0o644)
+    on_disk(archive.path(SHA)).write_bytes(bad)
     with caplog.at_level(logging.WARNING):
         assert archive.seal(DATA) == SHA
     assert archive.read(SHA) == DATA
@@ -80,19 +81,19 @@ def test_a_damaged_file_is_replaced_by_the_true_bytes_and_said(
 @pytest.mark.parametrize("bad", [b"", DATA[:-1], b"x" + DATA[1:]])
 def test_damage_is_found_on_reading_and_says_what_to_do(archive: Archive, bad: bytes) -> None:
     archive.seal(DATA)
-    archive.path(SHA).chmod(0o644)
-    archive.path(SHA).write_bytes(bad)
+    on_disk(archive.path(SHA)).chmod(0o644)
+    on_disk(archive.path(SHA)).write_bytes(bad)
     with pytest.raises(DamageError) as caught:
         archive.read(SHA)
     assert str(caught.value) == archive.damage(SHA)
     assert str(caught.value) == (
-        f"{archive.path(SHA)}: is damaged, its {len(bad):,} bytes are not those that were sealed: "
+        f"{on_disk(archive.path(SHA))}: is damaged, its {len(bad):,} bytes are not those that were sealed: "
         "ingest the original again, or restore it from a backup"
     )
 
 
 def test_a_missing_file_is_damage(archive: Archive) -> None:
-    says = f"{archive.path(SHA)}: is missing: ingest the original again, or restore it from a backup"
+    says = f"{on_disk(archive.path(SHA))}: is missing: ingest the original again, or restore it from a backup"
     with pytest.raises(DamageError) as caught:
         archive.read(SHA)
     assert str(caught.value) == says == archive.damage(SHA) == archive.damage(SHA, read=False)
@@ -101,8 +102,8 @@ def test_a_missing_file_is_damage(archive: Archive) -> None:
 
 def test_without_reading_only_a_missing_file_is_noticed(archive: Archive) -> None:
     archive.seal(DATA)
-    archive.path(SHA).chmod(0o644)
-    archive.path(SHA).write_bytes(b"")
+    on_disk(archive.path(SHA)).chmod(0o644)
+    on_disk(archive.path(SHA)).write_bytes(b"")
     assert archive.damage(SHA, read=False) is None
     assert archive.damage(SHA) is not None
 
@@ -110,14 +111,14 @@ def test_without_reading_only_a_missing_file_is_noticed(archive: Archive) -> Non
 @pytest.mark.parametrize("name", ["../../etc/passwd", "", "A" * 64, "a" * 63, SHA + "\n"])
 def test_what_is_no_sha256_is_never_a_path(archive: Archive, name: str) -> None:
     with pytest.raises(DamageError, match="is not a SHA-256 in 64 hexadecimal digits"):
-        archive.path(name)
+        on_disk(archive.path(name))
     assert archive.damage(name)
 
 
 def test_files_that_are_not_ours_are_not_listed(archive: Archive) -> None:
     archive.seal(DATA)
-    (archive.folder / "notes.txt").write_text("hello")
-    (archive.folder / SHA[:2] / "notes.txt").write_text("hello")
+    (on_disk(archive.folder) / "notes.txt").write_text("hello")
+    (on_disk(archive.folder) / SHA[:2] / "notes.txt").write_text("hello")
     assert list(archive) == [SHA]
 
 

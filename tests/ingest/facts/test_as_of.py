@@ -33,7 +33,7 @@ def test_facts_and_bytes_are_those_of_then(folder: Path) -> None:
     with store_as_of(folder, "2") as then:
         assert names(then) == ["a.dbc", "b.dbc"]
         assert then.archive.read(next(iter(facts.at(then.ledger).databases))) == b"a"
-        assert len([*then.archive]) == 2
+        assert [*then.archive] == [], "read where they lie, and not copied"
         assert check(then).damages == []
         head = then.ledger.head()
     with Store.open(folder) as now:

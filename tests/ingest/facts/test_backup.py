@@ -18,6 +18,7 @@ from ingest.facts.chain import Head
 from ingest.facts.events import SignalDatabaseRegistered
 from ingest.facts.store import Store
 from ingest.facts.store_check import check, damage
+from made.places import on_disk
 
 
 def put(folder: Path, *names: str) -> None:
@@ -37,7 +38,7 @@ def sealed(folder: Path, name: str) -> Path:
     """The sealed file of a name, to be written to."""
     with Store.open(folder) as store:
         files = [one.event for one in store.ledger.events() if isinstance(one.event, SignalDatabaseRegistered)]
-        path = store.archive.path(next(file.sha256 for file in files if file.name == f"{name}.dbc"))
+        path = on_disk(store.archive.path(next(file.sha256 for file in files if file.name == f"{name}.dbc")))
     path.chmod(0o644)
     return path
 

@@ -15,6 +15,7 @@ import pytest
 
 from ingest.errors import DamageError, LedgerError, OvertakenError, ServerError
 from ingest.facts import facts as facts_module
+from ingest.facts.bucket import Place
 from ingest.facts.chain import Head
 from ingest.facts.events import DecodeCompleted, RawFileSealed, SessionRecorded
 from ingest.facts.ledger import INDEX, Ledger, settled
@@ -23,7 +24,7 @@ from ingest.facts.ledger_row import encode
 from ingest.facts.ledger_server import Server, ServerTable
 from ingest.facts.move import move
 from ingest.facts.sessions import Override
-from ingest.facts.store import MARK, Store, server_of
+from ingest.facts.store import MARK, Store, mark_of
 from ingest.facts.store_check import damage
 from ingest.intake import grouping
 from ingest.intake.intake import take_in
@@ -71,7 +72,7 @@ def head_of(folder: Path) -> Head:
 
 
 def table(folder: Path) -> str:
-    server = server_of(folder)
+    server = mark_of(folder).ledger
     assert server
     return server.table
 
@@ -98,7 +99,7 @@ def test_the_index_is_believed_while_others_append_and_no_longer_when_rows_were_
     with Store.open(folder, write=True) as store:
         put(store, "c")
     kept = (folder / INDEX).read_bytes()
-    with closing(Ledger(folder, write=True, server=server_of(folder))) as other:
+    with closing(Ledger(folder, write=True, server=mark_of(folder).ledger)) as other:
         other.append("session-0002", session("0002", "s2", start_ns=6))
     (folder / INDEX).write_bytes(kept)
     read: list[int | None] = []
@@ -307,7 +308,7 @@ def test_ingests_that_overtake_each_other_record_what_one_after_the_other_does(
         meanwhile()
         return looked(*given)
 
-    def before_recording(store: Store, made: Path, name: str) -> Path:
+    def before_recording(store: Store, made: Path, name: str) -> Place:
         done = publish(store, made, name)
         meanwhile()
         return done

@@ -16,7 +16,7 @@ from ingest.facts.backup import backup, restore
 from ingest.facts.chain import Head
 from ingest.facts.ledger_lock import WriterLock
 from ingest.facts.move import HERE, move
-from ingest.facts.store import MARK, Store, server_of
+from ingest.facts.store import MARK, Store, mark_of
 from ingest.facts.store_check import damage
 from made.events import put
 from made.forged import change
@@ -87,7 +87,7 @@ def test_a_backup_of_a_store_with_a_server_is_one_with_a_file_and_equal(
     backup(folder, tmp_path / "backup")
     restore(tmp_path / "backup", tmp_path / "new")
     assert state(tmp_path / "new") == state(folder)
-    assert server_of(tmp_path / "new") is None
+    assert mark_of(tmp_path / "new").ledger is None
     with Store.open(folder) as store:
         assert len(store.ledger.events(as_of="2")) == 2
 
@@ -125,7 +125,7 @@ def test_beside_writers_at_a_server_a_ledger_is_not_moved_back(
         pytest.raises(LedgerError, match=r"another whyhot .* is writing"),
     ):
         move(folder, HERE)
-    assert server_of(folder)
+    assert mark_of(folder).ledger
 
 
 def test_a_writer_that_waited_for_the_move_writes_to_the_new_ledger(
@@ -142,11 +142,11 @@ def test_a_writer_that_waited_for_the_move_writes_to_the_new_ledger(
     monkeypatch.setattr(ledger, "WriterLock", Late)
     with Store.open(folder, write=True) as store:
         put(store, "c")
-    assert server_of(folder)
+    assert mark_of(folder).ledger
     todo.append(HERE)
     with Store.open(folder, write=True) as store:
         put(store, "d")
-    assert server_of(folder) is None
+    assert mark_of(folder).ledger is None
     assert len(rows_of(folder)) == 8
     assert state(folder)[0] == []
 

@@ -30,6 +30,6 @@ def test_forged_names_of_decodes_and_files_lead_to_nothing_outside_the_store(tmp
         events = store.ledger.events()
         assert not cited(events)
         assert check(store).damages == []
-        assert sweep(store.folder, store.archive, forgotten(events)).files == 1
+        assert sweep(store, forgotten(events)).files == 1
         assert not [*store.archive]
     assert (outside / "letter.txt").exists()

@@ -16,6 +16,7 @@ from ingest.facts.store import Store
 from ingest.facts.store_check import damage
 from ingest.intake.attachments import Finding, attach, unknown_specimen
 from made.events import session
+from made.places import on_disk
 
 CRACK = Finding("stator-07", "resin cracked at slot 3", happened="2025-12-24T09:00:00+01:00")
 
@@ -130,7 +131,7 @@ def test_verify_names_an_attachment_that_is_lost_or_changed_and_attaching_it_aga
 ) -> None:
     (done,) = attach(store, [photo], CRACK)
     assert damage(store) == []
-    path = store.archive.path(done.event.sha256)
+    path = on_disk(store.archive.path(done.event.sha256))
     path.chmod(0o644)
     path.write_bytes(b"another picture")
     (line,) = damage(store)

@@ -31,7 +31,7 @@ from ingest.intake.setup import MotorFile, prepare
 from made.mdf import FLOAT, SECONDS, Channel, Mdf4
 from made.mdf3 import DOUBLE, Channel3, Mdf3File
 from made.mdf3 import SECONDS as SECONDS3
-from made.places import LOGS
+from made.places import LOGS, on_disk
 
 ALL = range(100)
 
@@ -301,7 +301,7 @@ def test_a_record_is_read_from_sealed_bytes_and_damage_is_told(tmp_path: Path) -
         assert (bad.t_ns, bad.where, bad.stamp(True)) == (None, "line 3, column T", "rejected")
         assert bad.holds.startswith('text "bad" where numbers are: 32 30')
         assert (last.where, last.stamp(True)) == ("line 4, byte 60", "2026-01-01 08:00:20.5")
-        sealed = store.archive.path(decode.raw)
+        sealed = on_disk(store.archive.path(decode.raw))
         sealed.chmod(0o644)
         sealed.write_bytes(b"other")
         with pytest.raises(DamageError, match=r"a\.csv: .*is damaged"):

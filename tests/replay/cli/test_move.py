@@ -39,10 +39,13 @@ def head(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
         (["move", "Sqlite"], "Sqlite: is not the URL of a PostgreSQL server"),
         (["move", "postgresql://lab:pw@h/x"], "postgresql://lab:***@h/x: holds a password"),
         (["move", "postgres://h/x?user=lab&password=pw"], "password=***: holds a password"),
+        (["move", "files"], "its files are in its folder already: nothing was moved"),
+        (["move", "s3://me:pw@lab/x"], "s3://lab/x: the URL holds a key"),
+        (["move", "s3://lab"], "s3://lab: is not the URL of a place in a bucket: give one like s3://BUCKET/PREFIX"),
         (["head", "--store", "postgresql://lab:pw@h/x"], "--store postgresql://lab:***@h/x: a store is a folder"),
     ],
 )
-def test_what_is_no_place_for_a_ledger_is_refused_in_one_line(words: list[str], says: str, capsys: Capture) -> None:
+def test_what_is_no_place_is_refused_in_one_line(words: list[str], says: str, capsys: Capture) -> None:
     assert main(words) == 2
     said = capsys.readouterr().err
     assert says in said
@@ -61,9 +64,9 @@ def test_without_the_extra_the_line_says_what_to_install(capsys: Capture) -> Non
 
 
 def test_a_whyhot_that_knows_no_servers_refuses_a_store_on_one(capsys: Capture) -> None:
-    Path("whyhot-store", MARK).write_text('{"schema": "whyhot.store/3"}')
+    Path("whyhot-store", MARK).write_text('{"schema": "whyhot.store/4"}')
     assert main(["head"]) == 2
-    assert "schema 'whyhot.store/3' is not known here" in capsys.readouterr().err
+    assert "schema 'whyhot.store/4' is not known here" in capsys.readouterr().err
 
 
 def test_without_its_server_verify_calls_nothing_damaged(capsys: Capture) -> None:

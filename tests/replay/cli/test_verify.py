@@ -16,6 +16,7 @@ import pytest
 from ingest.facts import facts, store_check
 from ingest.facts.store import Store
 from made import can_bench
+from made.places import on_disk
 from replay.cli import main
 
 Capture = pytest.CaptureFixture[str]
@@ -63,7 +64,7 @@ def _sealed(what: str) -> Path:
         known = facts.at(store.ledger)
         (run,) = known.runs.values()
         names = {one.name: sha256 for sha256, one in known.files.items()} | dict(run.artefacts)
-        return store.archive.path(names[what])
+        return on_disk(store.archive.path(names[what]))
 
 
 def _verify(capsys: Capture, *words: str) -> tuple[int, dict[str, object], list[str]]:
