@@ -27,6 +27,8 @@ def reach(connection: duckdb.DuckDBPyConnection, bucket: Bucket) -> None:
         what = f"{bucket}: what SQL needs to read a bucket (fsspec)"
         raise WarehouseError(not_installed(what, "uv tool install '.[s3]'")) from None
 
+    sizes: dict[str, int] = {}
+
     class Files(AbstractFileSystem):  # type: ignore[misc]
         """The objects of one bucket. Of one name there is only ever one content: nothing has to be asked for twice."""
 
@@ -40,7 +42,9 @@ def reach(connection: duckdb.DuckDBPyConnection, bucket: Bucket) -> None:
             return at(bucket, path).parts()
 
         def info(self, path: str, **_: Any) -> dict[str, Any]:
-            return {"name": path, "size": sum(at(bucket, path).sizes()), "type": "file"}
+            if path not in sizes:
+                sizes[path] = sum(at(bucket, path).sizes())
+            return {"name": path, "size": sizes[path], "type": "file"}
 
         def modified(self, path: str) -> datetime:
             return ONCE

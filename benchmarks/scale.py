@@ -1,10 +1,13 @@
 """A campaign on several processes and on a cluster whose workers are killed: the same digests, and what it costs.
 
-    python benchmarks/scale.py [--sessions N] [--seconds N] [--kills N] [--writers N] [--logs N] [--quick] [--json FILE]
+    python benchmarks/scale.py [--sessions N] [--seconds N] [--kills N] [--writers N] [--logs N] [--bucket URL]
+        [--quick] [--json FILE]
 
 Sessions of a small motor are replayed in this process, in two processes, and by a dask scheduler with two worker
 processes on loopback, of which one is killed at a random moment and started anew, again and again. Without dask
-(the extra `cluster`) its figures are left out.
+(the extra `cluster`) its figures are left out. Before, the same store is moved to a bucket and back, and replayed and
+asked there: on a server of the benchmark's own, of which every 10th request fails, or at the URL of a prefix that is
+free (`scaled/bucket.py`).
 
 Then several writers take logs into one store whose ledger lies in a PostgreSQL server of the benchmark's own, N logs
 each; they and the server are killed meanwhile (`scaled/writers.py`). `--sessions 0` or `--writers 0` leaves a part out.
@@ -29,6 +32,7 @@ sys.path[:] = [place for place in sys.path if Path(place) != HERE]  # else inges
 sys.path += [str(HERE.parent), str(HERE.parent / "tests")]
 
 from benchmarks import asked
+from benchmarks.scaled.bucket import in_a_bucket
 from benchmarks.scaled.writers import writers
 from benchmarks.shared import stored
 from ingest.facts import facts
@@ -43,20 +47,22 @@ ROOT = HERE.parent
 
 def main() -> None:
     parser = asked.parser(__doc__, sessions=(16, 4), seconds=(600, 60), kills=(50, 1), writers=(8, 2), logs=(200, 2))
+    parser.add_argument("--bucket", metavar="URL", help="s3://BUCKET/PREFIX, instead of a server of its own")
     args = parser.parse_args()
     found: dict[str, object] = {}
     with TemporaryDirectory() as made:
         if args.writers:  # first, as it forks
             found |= writers(Path(made), args.writers, args.logs, args.kills)
         if args.sessions:
-            found |= _replayed(Path(made), args.sessions, args.seconds, args.kills)
+            store = _campaign(Path(made), args.sessions, args.seconds)
+            found |= in_a_bucket(store, args.bucket)
+            found |= _replayed(Path(made), store, args.sessions, args.kills)
     for name, value in found.items():
         print(f"{name:24} {value}")
     asked.keep(found, args.json)
 
 
-def _replayed(folder: Path, sessions: int, seconds: int, kills: int) -> dict[str, object]:
-    store = _campaign(folder, sessions, seconds)
+def _replayed(folder: Path, store: Path, sessions: int, kills: int) -> dict[str, object]:
     alone, alone_s = _timed(store, None)
     two, two_s = _timed(store, processes(2))
     found: dict[str, object] = {
