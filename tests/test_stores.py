@@ -75,11 +75,11 @@ def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_a_store_of_a_newer_version_is_refused_in_one_line(store: Path, capsys: Capture) -> None:
-    (store / "store.json").write_text('{"schema": "whyhot.store/3"}\n', encoding="utf-8")
+    (store / "store.json").write_text('{"schema": "whyhot.store/4"}\n', encoding="utf-8")
     for words in (["sessions"], ["sql", "FROM sessions"], ["replay"], ["upgrade", "--dry-run"]):
         assert main(words) == 2
         (line,) = capsys.readouterr().err.splitlines()
-        assert "schema 'whyhot.store/3' is not known here (this is whyhot.store/1): update whyhot" in line
+        assert "schema 'whyhot.store/4' is not known here (this is whyhot.store/1): update whyhot" in line
 
 
 def test_an_event_of_a_newer_version_is_refused_in_one_line(store: Path, capsys: Capture) -> None:

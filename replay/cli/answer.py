@@ -37,7 +37,7 @@ def store_folder(args: argparse.Namespace) -> Path:
         from ingest.errors import StoreError
         from ingest.facts.ledger_server import shown
 
-        advice = "`whyhot move URL --store DIR` brings its ledger into a server, after which DIR is its name as before"
+        advice = "`whyhot move URL --store DIR` brings its ledger or files there, after which DIR is its name as before"
         raise StoreError(f"--store {shown(named)}: a store is a folder, give that: {advice}")
     return Path(named)
 

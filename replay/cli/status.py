@@ -27,6 +27,7 @@ def status(folder: Path) -> str | None:
         verb, session = ("replay", waiting[0]) if waiting and motors else ("show", known.sessions[-1])
         command = f"whyhot {verb} {shlex.quote(session.name)}"
     held = f"{counted(len(known.sessions), 'session')}, {counted(motors, 'motor')}, {size / 1e6:.1f} MB"
+    held += f" here and the files in {store.mark.files}" if store.mark.files else ""
     lines = [
         f"whyhot {__version__} · store {folder} · {held} · head {head.position}:{head.root[:12]}",
         f"{counted(len(known.sessions) - len(waiting), 'session')} replayed, {len(waiting)} not yet",

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 import shutil
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import pytest
 
 from ingest.facts import facts
-from ingest.facts.events import ReplayCompleted
+from ingest.facts.events import DiagnosisCompleted, ReplayCompleted
 from ingest.facts.move_files import move_files
 from ingest.facts.store import Store
 from made import can_bench
@@ -37,7 +39,7 @@ def stores(tmp_path_factory: pytest.TempPathFactory, bucket: BucketServer) -> di
     can_bench.write_files(folder)
     logs = [str(folder / f"{i}.blf") for i in (0, 1)]
     for i, log in enumerate(logs):
-        can_bench.write_log(Path(log), seconds=30, seed=i, start=can_bench.START + i * 86_400)
+        can_bench.write_log(Path(log), seconds=460, seed=i, start=can_bench.START + i * 86_400)
     here, there = folder / "here", folder / "there"
     setup = ["--bench", str(folder / "bench.toml"), "--dbc", str(folder / "bench.dbc")]
     assert main(["ingest", logs[0], *setup, "--store", str(here)]) == 0
@@ -46,13 +48,16 @@ def stores(tmp_path_factory: pytest.TempPathFactory, bucket: BucketServer) -> di
     for store in (here, there):
         assert main(["ingest", logs[1], *setup, "--store", str(store)]) == 0
         assert main(["replay", "--store", str(store)]) == 0
+        assert main(["diagnose", "--on", "0", "1", "--store", str(store)]) == 0
     return {"here": here, "there": there}
 
 
-def runs(store: Path) -> dict[str, str]:
+def digests(store: Path) -> dict[str, str]:
+    """Of each run, and the SHA-256 of each diagnosis, by their ids."""
     with Store.open(store) as opened:
-        done = [one.event for one in opened.ledger.events() if isinstance(one.event, ReplayCompleted)]
-        return {one.run: one.digest for one in done}
+        done = [one.event for one in opened.ledger.events()]
+    runs = {one.run: one.digest for one in done if isinstance(one, ReplayCompleted)}
+    return runs | {one.diagnosis: one.artefact for one in done if isinstance(one, DiagnosisCompleted)}
 
 
 def both(stores: dict[str, Path], capsys: Capture, *words: str) -> tuple[Any, Any]:
@@ -67,11 +72,12 @@ def both(stores: dict[str, Path], capsys: Capture, *words: str) -> tuple[Any, An
     return found[0], found[1]
 
 
-def test_decodes_runs_and_digests_are_equal(stores: dict[str, Path], bucket: BucketServer) -> None:
-    assert len(runs(stores["here"])) == 2
-    assert runs(stores["there"]) == runs(stores["here"])
-    found = [path for part in ("archive", "decoded") for path in (stores["here"] / part).glob("*/*")]
-    files = {str(path.relative_to(stores["here"])) for path in found}
+def test_files_and_digests_of_runs_and_a_diagnosis_are_equal(stores: dict[str, Path], bucket: BucketServer) -> None:
+    found = digests(stores["here"])
+    assert len(found) >= 3
+    assert digests(stores["there"]) == found
+    lying = [path for part in ("archive", "decoded") for path in (stores["here"] / part).glob("*/*")]
+    files = {str(path.relative_to(stores["here"])) for path in lying}
     assert {name.removeprefix("store/") for name in bucket.names()} == {*files, "whyhot.json"}
     assert not [*stores["there"].glob("*/*/*")]
 
@@ -98,6 +104,15 @@ def test_of_a_session_sql_reads_the_files_of_its_channel_alone(
     assert main(["sql", question, "--store", str(stores["there"])]) == 0
     read = {key for method, key in bucket.asked if method == "GET" and decode in key}
     assert read == {f"store/decoded/{decode}/Drive.parquet"}
+
+
+def test_the_state_says_where_files_are(
+    stores: dict[str, Path], capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("WHYHOT_STORE", str(stores["there"]))
+    capsys.readouterr()
+    assert main([]) == 0
+    assert " MB here and the files in s3://lab/store · head " in capsys.readouterr().out
 
 
 def test_it_cannot_leave_the_store(stores: dict[str, Path], bucket: BucketServer, capsys: Capture) -> None:
@@ -140,3 +155,12 @@ def test_a_server_that_lets_nobody_in_is_one_line(
     said = capsys.readouterr().err.strip()
     assert "is refused (" in said
     assert said.count("\n") == 0
+
+
+def test_without_the_extra_sql_says_what_to_install(stores: dict[str, Path], capsys: Capture) -> None:
+    with patch.dict(sys.modules, {"fsspec": None}):
+        assert main(["sql", "SELECT 1", "--store", str(stores["there"])]) == 2
+    said = capsys.readouterr().err.strip()
+    assert "what SQL needs to read a bucket (fsspec) is not installed: " in said
+    assert "uv tool install '.[s3]'" in said
+    assert main(["show", "0", "--store", str(stores["there"])]) == 0
