@@ -80,7 +80,8 @@ class Store:
                     raise
                 return cls.open(folder, write=write, alone=alone)  # moved while this was looking for it
             try:
-                if write and not new and mark_of(folder) != mark:  # moved while this waited for its turn
+                # Moved, or made and moved, while this waited for its turn:
+                if write and (folder / MARK).exists() and mark_of(folder) != mark:
                     ledger.close()
                     return cls.open(folder, write=True, alone=alone)
                 store = cls(folder, ledger, mark, write=write, new=new)

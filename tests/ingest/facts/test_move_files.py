@@ -83,7 +83,10 @@ def test_there_and_back_the_files_are_the_same_and_nothing_stays(folder: Path, b
     longer = state(folder)
     assert (longer[:2], len(remote(bucket)), local(folder)) == (([], []), 2 * len(files) - 1, {})
     files = remote(bucket)
+    assert move_files(folder, bucket.url("second")).was == "s3://lab/store/archive and s3://lab/store/decoded"
+    assert (state(folder), bucket.names(), len(bucket.names("second/"))) == (longer, [], len(files) + 1)
     assert move_files(folder, HERE).head == longer[2]
+    assert bucket.names("second/") == []
     assert (state(folder), bucket.names(), local(folder)) == (longer, [], files)
     assert json.loads((folder / MARK).read_text()) == {"schema": "whyhot.store/1"}
 
