@@ -59,6 +59,11 @@ def _said(files: Place) -> str:
 
 def _refuse_others(root: ObjectPath, first: str) -> None:
     """Raises StoreError where something lies at `root` that no move of this store was stopped at."""
+    above = root.parent
+    while "/" in above.key:
+        if (above / OWNER).is_file():
+            raise StoreError(f"{root}: lies among the files of a store, at {above}: give another prefix")
+        above = above.parent
     owner = root / OWNER
     if owner.is_file():
         try:
@@ -103,7 +108,8 @@ def _removed(was: Place) -> tuple[str, ...]:
     """Remove the old files. Returns a line where that fails."""
     try:
         if isinstance(was, ObjectPath):
-            was.remove()
+            for name in ("archive", "decoded", OWNER):  # what else lies there is not ours
+                (was / name).remove()
         else:
             empty(was / "archive")
             empty(was / "decoded")

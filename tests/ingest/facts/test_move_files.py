@@ -158,6 +158,11 @@ def test_what_is_there_already_or_of_others_is_not_moved(
     move_files(tmp_path / "other", bucket.url())
     with pytest.raises(StoreError, match=r"^s3://lab/store: holds the files of a store: give another prefix"):
         move_files(folder, bucket.url())
+    with pytest.raises(StoreError, match=r"^s3://lab/store/a/b: lies among the files of a store, at s3://lab/store: "):
+        move_files(folder, bucket.url("store/a/b"))
+    bucket.objects["store/notes.txt"] = b"mine"
+    move_files(tmp_path / "other", HERE)
+    assert bucket.names() == ["store/notes.txt"]
     with pytest.raises(BucketError, match=r"^s3://none: there is no such bucket"):
         move_files(folder, bucket.url(bucket="none"))
     monkeypatch.setattr(ledger_lock, "WAIT_S", 0.05)
