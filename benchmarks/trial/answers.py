@@ -136,8 +136,8 @@ def tried(case: Case, campaign: Campaign, behind: Behind, hidden: tuple[Seen, ..
 
 def _group(naming: Naming, refit: Refit) -> tuple[str, ...]:
     """What the data cannot tell from a named term, by the round in which it entered."""
-    entered = next(found for found in naming.rounds if refit.candidate in [r.candidate for r in found.refits])
-    others = told_apart(entered, refit.candidate, naming.log_bf_unknown).others
+    entered = next(found for found in naming.searched if refit.candidate in [r.candidate for r in found.refits])
+    others = told_apart(entered, refit.candidate, naming.log_bf_instead).others
     return tuple(str(member.candidate.cause) for member in others)
 
 

@@ -120,6 +120,17 @@ def smooth(duration_s: float, step_s: float = FINE_S) -> Drive:
     }
 
 
+def slow(duration_s: float) -> Drive:
+    """Inputs that keep each level for 15 minutes, the flow alone for 5."""
+    rng = np.random.default_rng(3)
+    steps = round(duration_s / FINE_S)
+
+    def level(low: float, high: float, held_s: float) -> Floats:
+        return np.repeat(rng.uniform(low, high, 200), round(held_s / FINE_S))[:steps]
+
+    return {"speed": level(0.1, 1.0, 900), "current": level(0.1, 0.9, 900), "flow": level(0.4, 1.0, 300)}
+
+
 def pulses(duration_s: float, seed: int = 0, step_s: float = FINE_S) -> Drive:
     """Inputs that jump every 40 s."""
     rng = np.random.default_rng(seed)

@@ -54,6 +54,17 @@ def free_heats(current: Fit) -> tuple[FreeHeat, ...]:
     return tuple(sorted(found, key=lambda heat: -heat.log_bayes_factor))
 
 
+def as_parameters(current: Fit, heat: FreeHeat) -> list[Parameter]:
+    """A free heat as parameters of a model: its tents in every test, each as wide as the heat is large."""
+    node = current.model.network.names.index(heat.node)
+    sd = float(np.sqrt(np.mean(heat.watts**2 + heat.sd**2)))
+    return [
+        Parameter(f"heat.{heat.node}.{time_s:g}", actions.HeatTent(node, float(time_s), SPACING_S), sd, number)
+        for number in range(len(current.model.tests))
+        for time_s in _times(current.model, number)
+    ]
+
+
 def _responses(current: Fit) -> list[list[Response]]:
     """Node by node its responses in every test, rows in the order of `Fit.series`."""
     found: list[list[Response]] = [[] for _ in current.model.network.nodes]

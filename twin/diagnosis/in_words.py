@@ -20,6 +20,7 @@ KINDS_OF_GROUP = {  # kind of a healthy difference that is in no family -> what 
     "clock": "clocks",
     "input": "readings of inputs",
     "boundary": "readings of boundaries",
+    "heat": "the heat without a name",
 }
 MEASURED_LOSS = "a measured loss (power balance)"
 LOSSES = ("a no-load speed ladder", "another current at one speed", MEASURED_LOSS)

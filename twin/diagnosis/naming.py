@@ -6,6 +6,10 @@ in full, and the one that leads at the file's own values, from there; the best e
 at the end every one that entered is left out once. Where none is left and a free heat beats the threshold, the cause is
 unknown: what candidates seemed to explain no longer stands against it.
 
+A motor with an unknown heat may have causes beside it. There the search goes on once, elsewhere in the motor and on
+the bench, with this heat among the parameters: what it hides or bends shows, and what sessions that are run without it
+had against a term goes. At its own place a term would only stand in for it.
+
 Where what is left is no larger than a lumped model's own error, evidence judges alone: a session left out is another
 kind of test, which any freer law helps. Where it is far above that, the file's form is wrong, and the same samples that
 make evidence do not make truth: there a term enters only where each session, predicted from the others, allows it and
@@ -15,13 +19,15 @@ the leading term is the only one.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from twin.diagnosis.free_heats import free_heats
-from twin.diagnosis.patchwork import Survivor, is_patchwork
+from twin.diagnosis.evidence import TOLD_APART
+from twin.diagnosis.free_heats import as_parameters, free_heats
+from twin.diagnosis.patchwork import Survivor, around, is_patchwork, nodes_of
 from twin.diagnosis.posterior_mode import is_wrong_in_form
 from twin.diagnosis.refined import Tell, calibrated, refined
 from twin.diagnosis.rounds import (
@@ -51,7 +57,9 @@ class Naming:
     """`rounds` in the order of the search; the last one found nothing more, or the most terms were reached. `accepted`:
     the terms that survived, with ln BF of leaving each out; `final`: the fit with them; `left_out`: terms that did not
     survive, with theirs; `heats`: free heats about the first fit, highest ln BF first; `patchwork`: terms that survived
-    only together, none of them named; whether what is left says that the file's form is wrong (`wrong_in_form`)."""
+    only together, none of them named; whether what is left says that the file's form is wrong (`wrong_in_form`);
+    `heat`: one without a name that stands among the parameters of `final`, where terms were let in beside it. The
+    rounds from the second on have it too."""
 
     rounds: tuple[Round, ...]
     accepted: tuple[Refit, ...]
@@ -61,6 +69,7 @@ class Naming:
     threshold: float
     patchwork: tuple[Refit, ...] = ()
     wrong_in_form: bool = False
+    heat: FreeHeat | None = None
 
     @property
     def judged(self) -> bool:
@@ -73,10 +82,20 @@ class Naming:
         return self.wrong_in_form and len(self.final.model.tests) < ENOUGH_SESSIONS
 
     @property
+    def needed(self) -> float:
+        """The ln BF that a term must exceed, if nobody says another."""
+        return EVIDENT if self.judged else THRESHOLD
+
+    @property
+    def searched(self) -> tuple[Round, ...]:
+        """The rounds that let the terms in: without the first where a heat that has no name stands beside them."""
+        return self.rounds[1:] if self.heat else self.rounds
+
+    @property
     def is_unknown(self) -> bool:
-        """Whether a heat of any course explains more than every candidate that came to anything (`best`), or only
-        patchwork fits."""
-        return bool(self.patchwork) or self.log_bf_unknown > max(EVIDENT, self.best)
+        """Whether a heat of any course explains more than every candidate that came to anything (`best`), by ln 20 at
+        least, or only patchwork fits, or terms were let in beside such a heat."""
+        return bool(self.patchwork) or self.heat is not None or self.log_bf_unknown > max(TOLD_APART, self.best)
 
     @property
     def best(self) -> float:
@@ -85,6 +104,11 @@ class Naming:
         if self.rounds[0].refits and not self.accepted:
             return 0.0
         return float(self.rounds[0].scores.log_bayes_factor.max(initial=0.0))
+
+    @property
+    def log_bf_instead(self) -> float:
+        """ln BF of a heat without a name in place of the terms: none where they stand beside it."""
+        return -math.inf if self.heat else self.log_bf_unknown
 
     @property
     def log_bf_unknown(self) -> float:
@@ -105,30 +129,80 @@ def search(
     wrong = is_wrong_in_form(current.model)
     found = Naming((first,), (), (), current, free_heats(current), THRESHOLD, wrong_in_form=wrong)
     judging = found.judged
-    threshold = (EVIDENT if judging else THRESHOLD) if threshold is None else threshold
-    found = replace(found, threshold=threshold)
-    if found.is_unknown:
-        return found
-    most = 1 if found.few_sessions else len(candidates) if judging else MOST_TERMS
-    first = with_refits(first, tell, uncalibrated(current, len(model.parameters)), judging)
-    rounds = [first]
+    found = replace(found, threshold=found.needed if threshold is None else threshold)
+    if not found.is_unknown:
+        first = with_refits(first, tell, uncalibrated(current, len(model.parameters)), judging)
+        found = _searched(found, first, candidates, model.parameters, tell)
+        if _is_patchwork(found):
+            found = replace(found, accepted=(), patchwork=found.accepted, final=first.base)
+    return _beside_heat(found, candidates, model.parameters, threshold, tell) if found.is_unknown else found
+
+
+def _searched(
+    found: Naming, first: Round, candidates: Sequence[Candidate], stated: Sequence[Parameter], tell: Tell
+) -> Naming:
+    """Term after term from the round `first` on, then every one of them left out once. `stated`: the parameters of the
+    model without any term."""
+    most = 1 if found.few_sessions else len(candidates) if found.judged else MOST_TERMS
+    rounds, current = [first], first.base
     accepted: list[tuple[Candidate, Parameter]] = []
     while True:
         best = rounds[-1].best
-        if best is None or best.log_bayes_factor <= max(threshold, rounds[-1].null) or len(accepted) == most:
+        if best is None or best.log_bayes_factor <= max(found.threshold, rounds[-1].null) or len(accepted) == most:
             break
         accepted.append((best.candidate, best.parameter))
         rounds[-1].forget()
-        current = refined(best.fit, candidates, model.parameters, tell)
+        current = refined(best.fit, candidates, stated, tell)
         tell("scoring")
         left = [c for c in candidates if c not in [a for a, _ in accepted]]
-        rounds.append(with_refits(scored(current, left), tell, judging=judging))
+        rounds.append(with_refits(scored(current, left), tell, judging=found.judged))
     tell("leaving out")
-    found = _eliminated(replace(found, rounds=tuple(rounds), final=current), accepted, model)
+    return _eliminated(replace(found, rounds=tuple(rounds), final=current), accepted, len(stated))
+
+
+def _is_patchwork(found: Naming) -> bool:
+    """Whether the terms that survived by evidence only together stand in for a law that no candidate has."""
+    first = found.rounds[0]
     survivors = [Survivor(r.candidate, r.log_bayes_factor, first.alone(r.candidate)) for r in found.accepted]
-    if not judging and is_patchwork(survivors, model.network):
-        return replace(found, accepted=(), patchwork=found.accepted, final=first.base)
-    return found
+    return not found.judged and is_patchwork(survivors, found.final.model.network)
+
+
+def _beside_heat(
+    found: Naming, candidates: Sequence[Candidate], stated: Sequence[Parameter], threshold: float | None, tell: Tell
+) -> Naming:
+    """What is named away from a heat that has no name: the search with this heat among the parameters. As it was where
+    nothing is named so, or the motor runs away."""
+    first = found.rounds[0].base
+    heat = at_the_patchwork(found) if found.patchwork else found.heats[0]
+    tents = as_parameters(first, heat)
+    with_heat = (*stated, *tents)
+    network = first.model.network
+    near = around(frozenset({heat.node}), network)
+    elsewhere = [c for c in candidates if not near & nodes_of(c, network)]
+    tell("looking beside the heat that has no name")
+    try:
+        start = np.append(first.beta, np.zeros(len(tents)))
+        current = refined(fit(first.model.plus(tents), start, NEAR_ENOUGH), candidates, with_heat, tell)
+        again = replace(found, patchwork=(), left_out=(), wrong_in_form=is_wrong_in_form(current.model))
+        again = replace(again, threshold=again.needed if threshold is None else threshold)
+        fresh = with_refits(scored(current, elsewhere), tell, judging=again.judged)
+        beside = _searched(again, fresh, elsewhere, with_heat, tell)
+    except DivergedError:
+        return found
+    if not beside.accepted or _is_patchwork(beside):
+        return found
+    return replace(
+        beside,
+        rounds=(found.rounds[0], *beside.rounds),
+        patchwork=found.patchwork,
+        heat=_in(beside.final, heat, len(stated)),
+    )
+
+
+def _in(found: Fit, heat: FreeHeat, before: int) -> FreeHeat:
+    """The heat as a fit has it whose parameters it stands among, behind so many."""
+    own = slice(before, before + len(heat.watts))
+    return replace(heat, watts=found.beta[own], sd=np.sqrt(found.covariance_diagonal[own]))
 
 
 def without_term(current: Fit, place: int, calm: Floats) -> Fit:
@@ -140,14 +214,15 @@ def without_term(current: Fit, place: int, calm: Floats) -> Fit:
         return fit(model, np.append(calm, np.zeros(len(model.parameters) - len(calm))), enough=NEAR_ENOUGH)
 
 
-def _eliminated(found: Naming, accepted: list[tuple[Candidate, Parameter]], model: Model) -> Naming:
-    """Leave every term out once, both sides fitted; the weakest goes while it is under the threshold."""
+def _eliminated(found: Naming, accepted: list[tuple[Candidate, Parameter]], before: int) -> Naming:
+    """Leave every term out once, both sides fitted; the weakest goes while it is under the threshold. `before`: how
+    many parameters stand before the terms."""
     left_out: list[tuple[Candidate, float]] = []
     current = found.final
     while accepted:
         each = []
         for i, (candidate, parameter) in enumerate(accepted):
-            place = len(model.parameters) + i
+            place = before + i
             without = without_term(current, place, found.rounds[0].base.beta)
             each.append((compared(current, without, candidate, parameter, place), without))
         weakest = min(range(len(each)), key=lambda i: each[i][0].log_bayes_factor)
@@ -157,3 +232,12 @@ def _eliminated(found: Naming, accepted: list[tuple[Candidate, Parameter]], mode
         current = each[weakest][1]
         del accepted[weakest]
     return replace(found, left_out=tuple(left_out), final=current)
+
+
+def at_the_patchwork(naming: Naming) -> FreeHeat:
+    """The free heat with most evidence where the patchwork acts, with what the patchwork's strongest term has for
+    it."""
+    network = naming.final.model.network
+    nodes = frozenset[str]().union(*(nodes_of(refit.candidate, network) for refit in naming.patchwork))
+    strongest = max(refit.log_bayes_factor for refit in naming.patchwork)
+    return replace(next(h for h in naming.heats if h.node in nodes), log_bayes_factor=strongest)

@@ -37,10 +37,14 @@ def is_patchwork(terms: Sequence[Survivor], network: Network) -> bool:
     if len(terms) < 2:
         return False
     first, *others = sorted(terms, key=lambda term: -term.needed)
-    own = nodes_of(first.candidate, network)
-    near = own.union(*({link.a, link.b} for link in network.links if {link.a, link.b} & own))
+    near = around(nodes_of(first.candidate, network), network)
     leaning = [one for one in others if near & nodes_of(one.candidate, network) and not one.by_itself]
     return sum(one.needed for one in leaning) >= NEEDS * first.needed
+
+
+def around(nodes: frozenset[str], network: Network) -> frozenset[str]:
+    """Nodes and those that a link joins them to."""
+    return nodes.union(*({link.a, link.b} for link in network.links if {link.a, link.b} & nodes))
 
 
 def nodes_of(candidate: Candidate, network: Network) -> frozenset[str]:

@@ -112,6 +112,12 @@ class Drive:
             return 0, factor
         return self.features.added(name, lambda: self.test.features[name]), factor
 
+    def heat_tent(self, time_s: float, spacing_s: float) -> int:
+        """The row of `features` that rises from 0 to 1 at a time of the test and falls again."""
+        middle = self.step_s * (np.arange(len(self.test.frame.features)) + 0.5)
+        tent = np.maximum(0.0, 1 - np.abs(middle - time_s) / spacing_s)
+        return self.features.added(("heat tent", time_s, spacing_s), lambda: tent[None])
+
     def terms(self, beta: Floats) -> tuple[Floats, Floats]:
         """Every term (T, N) [W or W/K], and the factor of its tents (T, N), before any delay."""
         log, tents, shapes = np.zeros_like(self.base), np.ones_like(self.base), self.shapes.values

@@ -25,7 +25,6 @@ Kind = Literal[
     "tilts",
     "stored",
     "following",
-    "given",
     "bounds",
     "late",
     "late features",
@@ -46,7 +45,6 @@ class Heats:
         self._laws = {law: i for i, law in enumerate(circuit.laws)}
         self._rows: dict[tuple[int, int, int], int] = {}  # into, out of, column -> row of the loads
         self._entries: dict[Kind, list[Product]] = {}
-        self._given: list[Floats] = []
         self._followers: list[tuple[int, float]] = []
         for column, action, place in wanted:
             self._enter(column, action, place)
@@ -126,9 +124,8 @@ class Heats:
                 for i, law in self._ending_at(boundary):
                     self._add("bounds", self._row(law.a, NOBODY, column), -1.0, i, i)
             case actions.HeatTent(node, time_s, spacing_s):
-                middle = circuit.edges_s[:-1] + circuit.step_s / 2
-                self._add("given", self._row(node, NOBODY, column), 1.0, len(self._given))
-                self._given.append(np.maximum(0.0, 1 - np.abs(middle - time_s) / spacing_s))
+                law, row = circuit.place(actions.Place(node)), circuit.drive.heat_tent(time_s, spacing_s)
+                self._add("features", self._through(law, column), 1.0, row, self._law(law))
             case _:
                 assert_never(action)
 
@@ -190,8 +187,6 @@ class Heats:
                 yield (run.march.storage * (run.means - run.edges[:-1])).T.copy(), drive.one
             case "following":
                 yield np.array([self._following(run, node, lag_s) for node, lag_s in self._followers]), drive.one
-            case "given":
-                yield np.array(self._given), drive.one
             case "bounds":
                 yield run.carried, by_b
             case "late":

@@ -83,7 +83,7 @@ def named(naming: Naming, refit: Refit, train: Sequence[SessionRecorded], kept: 
     found = size(final, place, refit.candidate.unit)
     effect_K, node, test, t_s = _largest_effect(final, place)
     first = _entered(naming, refit.candidate)
-    apart = told_apart(first, refit.candidate, naming.log_bf_unknown)
+    apart = told_apart(first, refit.candidate, naming.log_bf_instead)
     others = [member.candidate for member in apart.others]
     improved = kept is not None and kept.improved and not refit.candidate.repeated
     why = kept.why if kept else "no session was kept: say --hold-out"
@@ -120,7 +120,7 @@ def named(naming: Naming, refit: Refit, train: Sequence[SessionRecorded], kept: 
 
 def evidence_parts(naming: Naming, refit: Refit) -> EvidenceParts:
     """Where the ln BF of a refitted candidate comes from, families by their names."""
-    base = naming.rounds[0].base.model
+    base = naming.searched[0].base.model
     plain, split = Plain(base.network), refit.evidence
     relieved = dict.fromkeys([*map(plain.group, base.parameters), OTHER_CAUSES], 0.0)
     for i, value in enumerate(split.relieved.tolist()):
@@ -150,8 +150,8 @@ def place_of(final: Fit, refit: Refit) -> int:
 
 def _entered(naming: Naming, candidate: Candidate) -> Round:
     """The round in which a term was let in."""
-    led = (one for one in naming.rounds if (best := one.best) and best.candidate == candidate)
-    return next(led, naming.rounds[0])
+    led = (one for one in naming.searched if (best := one.best) and best.candidate == candidate)
+    return next(led, naming.searched[0])
 
 
 def _largest_effect(final: Fit, place: int) -> tuple[float, str, int, float]:

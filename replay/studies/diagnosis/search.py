@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,12 +11,10 @@ from replay.studies.diagnosis.answer_parts import place_of
 from replay.studies.diagnosis.kept_sessions import Measured, measured
 from replay.studies.diagnosis.question import Campaign
 from twin.diagnosis.free_heats import Unknown, describe, free_heats
-from twin.diagnosis.naming import Naming, search, without_term
-from twin.diagnosis.patchwork import nodes_of
+from twin.diagnosis.naming import Naming, at_the_patchwork, search, without_term
 from twin.diagnosis.refined import Tell
 from twin.diagnosis.rounds import EVIDENT, Refit
 from twin.diagnosis.swaps import Swap, exchanged
-from twin.diagnosis.unknown import FreeHeat
 from twin.differences.everyday import everyday
 from twin.errors import DivergedError
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
@@ -52,12 +51,12 @@ def find(campaign: Campaign, model: Model, swaps: list[Swap], kept: list[Test], 
     while kept:
         tell("predicting the kept sessions")
         result = measured(base, naming.final, straight, straight_kept, bool(naming.accepted))
-        if not naming.accepted or not result.worse or naming.judged:
+        if not naming.accepted or naming.judged or not _speak_against(naming, result, straight, straight_kept):
             break
         weakest = min(naming.accepted, key=lambda r: r.log_bayes_factor)
         refused.append((weakest, "it makes the kept sessions worse: form error of the sessions learnt from"))
-        final = without_term(naming.final, place_of(naming.final, weakest), naming.rounds[0].base.beta)
-        naming = replace(naming, accepted=tuple(r for r in naming.accepted if r is not weakest), final=final)
+        naming = _less(naming, weakest)
+        base = _baseline(naming)
     unknown = _unknown(naming)
     if kept and swaps:
         crossed = supposing(Model(campaign.network, campaign.tests, model.parameters, naming.final.model.noise))
@@ -66,19 +65,40 @@ def find(campaign: Campaign, model: Model, swaps: list[Swap], kept: list[Test], 
     return Found(naming, refused, swaps, unknown, result, base)
 
 
+def _speak_against(naming: Naming, result: Measured, train: Sequence[Test], kept: Sequence[Test]) -> bool:
+    """Whether kept sessions get worse by the terms. No kept session has a heat without a name that the fit has beside
+    them: then the terms are held against the fit that has it too."""
+    if naming.heat is None:
+        return result.worse
+    before = _under_the_noise_of(naming.final, naming.searched[0].base)
+    return measured(before, naming.final, train, kept, True).worse
+
+
+def _less(naming: Naming, refused: Refit) -> Naming:
+    """The naming without one term; without any, as if none had been looked for beside a heat without a name."""
+    left = tuple(r for r in naming.accepted if r is not refused)
+    if not left and naming.heat:
+        return replace(naming, accepted=(), heat=None, final=naming.rounds[0].base)
+    final = without_term(naming.final, place_of(naming.final, refused), naming.rounds[0].base.beta)
+    return replace(naming, accepted=left, final=final)
+
+
 def _baseline(naming: Naming) -> Fit:
     """The fit without any named term, under the noise of the final one."""
-    first = naming.rounds[0].base
-    if not naming.accepted:
-        return naming.final
-    return fit(first.model.with_noise(naming.final.model.noise), first.beta, enough=NEAR_ENOUGH)
+    return _under_the_noise_of(naming.final, naming.rounds[0].base) if naming.accepted else naming.final
+
+
+def _under_the_noise_of(final: Fit, found: Fit) -> Fit:
+    return fit(found.model.with_noise(final.model.noise), found.beta, enough=NEAR_ENOUGH)
 
 
 def _unknown(naming: Naming) -> list[Unknown]:
-    """The heat that wins over every candidate, or stands where only patchwork fits; else what is left beside the named
-    terms."""
+    """The heat beside which terms were named, that wins over every candidate, or stands where only patchwork fits; else
+    what is left beside the named terms."""
+    if naming.heat:
+        return [describe(naming.final, naming.heat)]
     if naming.patchwork:
-        return [describe(naming.final, _at_the_patchwork(naming))]
+        return [describe(naming.final, at_the_patchwork(naming))]
     if naming.is_unknown:
         return [describe(naming.final, naming.heats[0])]
     if naming.accepted:
@@ -89,12 +109,3 @@ def _unknown(naming: Naming) -> list[Unknown]:
         if left.log_bayes_factor > EVIDENT:
             return [describe(naming.final, left)]
     return []
-
-
-def _at_the_patchwork(naming: Naming) -> FreeHeat:
-    """The free heat with most evidence where the patchwork acts, with what the patchwork's strongest term has for
-    it."""
-    network = naming.final.model.network
-    nodes = frozenset[str]().union(*(nodes_of(refit.candidate, network) for refit in naming.patchwork))
-    strongest = max(refit.log_bayes_factor for refit in naming.patchwork)
-    return replace(next(h for h in naming.heats if h.node in nodes), log_bayes_factor=strongest)

@@ -7,7 +7,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from made import motor as made
 from twin.diagnosis.free_heats import _responses, describe, free_heats
@@ -25,17 +24,6 @@ QUIET = ChannelNoise(ar_sd=0.1, ar_tau_s=60.0, ou_sd=0.2, ou_tau_s=600.0)
 HIDDEN_W = 80.0
 
 
-def _slow(duration_s: float) -> made.Drive:
-    """Inputs that keep each level for 15 minutes, the flow alone for 5."""
-    rng = np.random.default_rng(3)
-    steps = round(duration_s / made.FINE_S)
-
-    def level(low: float, high: float, held_s: float) -> NDArray[np.float64]:
-        return np.repeat(rng.uniform(low, high, 200), round(held_s / made.FINE_S))[:steps]
-
-    return {"speed": level(0.1, 1.0, 900), "current": level(0.1, 0.9, 900), "flow": level(0.4, 1.0, 300)}
-
-
 def _hiding(network: Network, node: str, watts: float) -> Network:
     """A heat with a power of the flow that no law of the motor's losses has."""
     hidden = Term(watts, {"flow": 3.0})
@@ -49,7 +37,7 @@ def _hiding(network: Network, node: str, watts: float) -> Network:
 def _fitted(node: str, watts: float) -> Fit:
     network = made.every_law()
     true = _hiding(network, node, watts) if watts else network
-    tests = [made.recorded(network, _slow(duration), INITIAL, true=true, seed=4) for duration in (7200.0, 3600.0)]
+    tests = [made.recorded(network, made.slow(duration), INITIAL, true=true, seed=4) for duration in (7200.0, 3600.0)]
     model = Model(network, tests, everyday(network, tests), dict.fromkeys(made.CHANNELS, QUIET))
     return fit(model, np.zeros(len(model.parameters)))
 

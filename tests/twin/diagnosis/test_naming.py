@@ -8,28 +8,32 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 from threadpoolctl import threadpool_limits
 
-from made.motor import AMBIENT_DEGC, CHANNELS, COOLANT_DEGC, SINGLE, every_law, pulses, recorded
+from made.motor import AMBIENT_DEGC, CHANNELS, COOLANT_DEGC, SINGLE, every_law, pulses, recorded, slow
 from twin.diagnosis import naming, rounds
+from twin.diagnosis.evidence import TOLD_APART
 from twin.diagnosis.naming import Naming, search
+from twin.diagnosis.patchwork import around, nodes_of
 from twin.diagnosis.posterior_mode import rises, slowest_mode_s
 from twin.diagnosis.rounds import scored, with_refits
 from twin.differences.candidates import Candidate, InputChannel, added_monomials, generate
 from twin.differences.everyday import everyday
 from twin.differences.proposals import Proposals
 from twin.errors import DivergedError
-from twin.fitting.actions import Parameter
+from twin.fitting.actions import HeatTent, Parameter
 from twin.fitting.fit import Fit, fit
 from twin.fitting.model import Model, Test
 from twin.motor import sensor_laws
-from twin.motor.network import Network, Term
+from twin.motor.network import Network, Source, Term
 from twin.motor.sensor import Sensor
 
 Floats = NDArray[np.float64]
 
 SEEDS = range(5)
 INITIAL = np.array([45.0, 42.0, 41.0, 35.0])
+WARM = np.array([60.0, 50.0, 55.0, 45.0])
 HIDDEN = "loss.magnet.speed2_current2"
 WATTS = 80.0  # at full speed and current
 CANDIDATES = tuple(
@@ -183,11 +187,66 @@ def test_a_heat_that_no_candidate_holds_against_is_unknown(hidden: list[Naming])
     """Behind the best candidate it is none; where candidates were refitted and none let in, it is."""
     found = hidden[0]
     behind = replace(found.heats[0], log_bayes_factor=found.best - 1.0)
-    assert behind.log_bayes_factor > rounds.EVIDENT, "for this test: a heat that is worth telling"
+    assert behind.log_bayes_factor > TOLD_APART, "for this test: a heat that is worth telling"
     assert not replace(found, heats=(behind,)).is_unknown
     assert replace(found, heats=(behind,), accepted=()).is_unknown
-    weak = replace(behind, log_bayes_factor=rounds.EVIDENT)
+    weak = replace(behind, log_bayes_factor=TOLD_APART)
     assert not replace(found, heats=(weak,), accepted=()).is_unknown
+
+
+LATE_S = 60.0
+
+
+@pytest.fixture(scope="module")
+def beside_heat() -> Naming:
+    """A motor whose case takes a heat that no law of the list has, and a winding sensor that is late."""
+    network = every_law()
+    hidden = Source("case", (Term(120.0, {"flow": 3.0}),))
+    heated = replace(network, name="heated", sources=(*network.sources, hidden))
+    more = added_monomials(CANDIDATES)
+    tests = []
+    for seed, duration_s in enumerate((3600.0, 1800.0)):
+        test = recorded(network, slow(duration_s), WARM, true=heated, more=more, seed=seed)
+        late = [replace(c, measured=_late(c.measured)) if c.name == "W_1" else c for c in test.channels]
+        tests.append(replace(test, channels=tuple(late)))
+    return search(Model(network, tests, everyday(network, tests)), CANDIDATES)
+
+
+def _late(measured: Floats) -> Floats:
+    """Readings every 2 s through a first-order lag."""
+    kept = np.exp(-2.0 / LATE_S)
+    late: Floats = measured[0] + lfilter([1 - kept], [1, -kept], measured - measured[0])
+    return late
+
+
+def test_what_a_sensor_gets_wrong_is_named_beside_a_heat_without_a_name(beside_heat: Naming) -> None:
+    assert beside_heat.is_unknown
+    assert beside_heat.heat is not None
+    assert beside_heat.heat.node == "case"
+    (one,) = beside_heat.accepted
+    assert str(one.candidate.cause) == "sensor.winding.lag"
+    assert one.amplitude > LATE_S / 2
+
+
+def test_the_heat_is_told_as_the_last_fit_has_it(beside_heat: Naming) -> None:
+    heat, model = beside_heat.heat, beside_heat.final.model
+    assert heat is not None
+    tents = [i for i, p in enumerate(model.parameters) if isinstance(p.action, HeatTent)]
+    np.testing.assert_array_equal(heat.watts, beside_heat.final.beta[tents])
+    assert 60.0 < np.ptp(heat.watts) < 120.0  # its mean is nothing that a constant loss could not be
+
+
+def test_nothing_is_named_at_the_place_of_a_heat_without_a_name(beside_heat: Naming) -> None:
+    network = beside_heat.final.model.network
+    near = around(frozenset({"case"}), network)
+    for found in beside_heat.rounds[1:]:
+        assert not any(near & nodes_of(candidate, network) for candidate in found.candidates)
+    assert any(near & nodes_of(candidate, network) for candidate in beside_heat.rounds[0].candidates)
+
+
+def test_the_terms_were_let_in_by_the_rounds_that_have_the_heat(beside_heat: Naming, hidden: list[Naming]) -> None:
+    assert beside_heat.searched == beside_heat.rounds[1:]
+    assert hidden[0].searched == hidden[0].rounds
 
 
 def test_a_candidate_without_a_finite_column_is_dropped_and_said(calibrated: Fit) -> None:

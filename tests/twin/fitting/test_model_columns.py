@@ -14,7 +14,7 @@ from benchmarks.integrator import AMBIENT_DEGC, COOLANT_DEGC, motor, wltp_like
 from made.motor import CASE, CHANNELS, MAGNET, ON_MOTOR, every_law, law, pulses, recorded, smooth
 from twin.differences.everyday import everyday
 from twin.fitting import actions
-from twin.fitting.actions import Parameter, Place
+from twin.fitting.actions import Parameter
 from twin.fitting.model import Model, Test
 from twin.fitting.recorded import RecordedChannel
 from twin.motor import sensor_laws
@@ -43,8 +43,8 @@ EVERY: dict[str, tuple[actions.Action, float]] = {  # action and a size of its n
     "clock of all others": (actions.Late(("Y_1",), False, -1.0), 0.9),
     "clock far off": (actions.Late(("R_1",), False), 7.5),
     "clock that runs wrong": (actions.Late(("R_1", "Y_1"), True), 900.0),
+    "free heat": (actions.HeatTent(CASE, 300.0, 120.0), 20.0),
 }
-ONLY_AT_ZERO: dict[str, actions.Action] = {"free heat": actions.HeatTent(CASE, 300.0, 120.0)}
 MORE = (law(speed=2.0, current=2.0), law(current=2.0), law(speed=1.0))
 
 
@@ -130,34 +130,20 @@ def test_the_columns_of_all_others_follow_a_clock_that_is_off(late: float, tests
             _assert_near(column, _differences(model, beta, place, 1e-3 * one.sd), f"{one.name}, {channels}")
 
 
-@pytest.mark.parametrize("name", [*EVERY, *ONLY_AT_ZERO])
+@pytest.mark.parametrize("name", EVERY)
 def test_the_column_of_a_candidate_is_the_slope_where_it_enters(name: str, tests: Sequence[Test]) -> None:
-    action, size = (ONLY_AT_ZERO[name], 20.0) if name in ONLY_AT_ZERO else EVERY[name]
+    action, size = EVERY[name]
     others = _others()
     model = Model(every_law(), tests, others)
     beta = np.random.default_rng(9).uniform(-0.8, 0.8, len(others)) * model.sd
     candidate = Parameter(name, action, abs(size))
     column = np.concatenate([part.extra[:, 0] for part in model.linearise(beta, [candidate])])
-    if name in ONLY_AT_ZERO:
-        expected = _response_to_a_tent(tests, others, beta)
-    else:
-        more = model.plus([candidate])
-        h = 1e-3 * abs(size)
-        one_sided = isinstance(action, sensor_laws.Lag) and name == "lag of a prompt sensor"
-        at = [_modelled(more, np.append(beta, x)) for x in ((h, 0.0) if one_sided else (h, -h))]
-        expected = (at[0] - at[1]) / (h if one_sided else 2 * h)
+    more = model.plus([candidate])
+    h = 1e-3 * abs(size)
+    one_sided = isinstance(action, sensor_laws.Lag) and name == "lag of a prompt sensor"
+    at = [_modelled(more, np.append(beta, x)) for x in ((h, 0.0) if one_sided else (h, -h))]
+    expected = (at[0] - at[1]) / (h if one_sided else 2 * h)
     _assert_near(column, expected, name)
-
-
-def _response_to_a_tent(tests: Sequence[Test], others: Sequence[Parameter], beta: Floats) -> Floats:
-    """The same heat as a feature of the tests."""
-    shaped = []
-    for test in tests:
-        middle = 2.0 * np.arange(len(test.frame.features)) + 1.0
-        tent = np.maximum(0.0, 1 - np.abs(middle - 300.0) / 120.0)
-        shaped.append(replace(test, features={**test.features, "tent": tent}))
-    model = Model(every_law(), shaped, [*others, Parameter("tent", actions.Added((Place(CASE),), "tent", 1.0), 20.0)])
-    return _differences(model, np.append(beta, 0.0), len(beta), 1e-2)
 
 
 def test_a_parameter_of_one_test_moves_no_other(tests: Sequence[Test]) -> None:
