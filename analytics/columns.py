@@ -25,7 +25,7 @@ AGEING = {  # artefact of an assessment -> its columns, in the order of the file
         "heating_K_per_min cooling_K_per_min",
     ),
     "ageing_checks": _columns(
-        text="session session_name specimen batch source state why hottest_channel",
+        text="session session_name specimen batch source state why hottest_channel left",
         whole="start_ns number cycles",
         number="dose_h discharge_h equivalent_low_h equivalent_high_h resistance_K_per_W sd_K_per_W sd_percent "
         "conductivity_percent hottest_degC",

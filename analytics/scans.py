@@ -1,13 +1,13 @@
 """Views over the Parquet files of a store: samples, temperatures, residuals, and the latest assessment of ageing.
 
-They are `base.values`, `base.temperatures`, `base.residuals` and `base.ageing_...`. Each is a UNION of branches. A
-branch reads one column (a channel, a node) of all files that have the same columns; a join on the file's path says
-which session a row is of. Measured on 250 files (50 sessions of 5 groups with 6 channels, 30 million values): a
-query that names a session and a channel takes 13 ms, one channel of all sessions 70 ms. DuckDB drops the branches
-whose constant channel, quantity or node does not fit, reads only the column left, and skips the files that the join
-leaves out. The two obvious designs lose: a branch for each file opens all of them to bind (300 ms and 1,000 ms), and
-UNPIVOT reads every column of the group (40 ms and 500 ms). What grows is the number of distinct columns: about 1 ms a
-query for each at 200 files.
+They are `base.values` (of files with many sessions `base.values_of_many`), `base.temperatures`, `base.residuals` and
+`base.ageing_...`. Each is a UNION of branches. A branch reads one column (a channel, a node) of all files that have
+the same columns; a join on the file's path says which session a row is of. Measured on 250 files (50 sessions of 5
+groups with 6 channels, 30 million values): a query that names a session and a channel takes 13 ms, one channel of all
+sessions 70 ms. DuckDB drops the branches whose constant channel, quantity or node does not fit, reads only the column
+left, and skips the files that the join leaves out. The two obvious designs lose: a branch for each file opens all of
+them to bind (300 ms and 1,000 ms), and UNPIVOT reads every column of the group (40 ms and 500 ms). What grows is the
+number of distinct columns: about 1 ms a query for each at 200 files.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ SchemaOf = Callable[[str], Schema]  # of a file
 
 FILE = "whyhot file"  # name of the scan's column with the path: no signal is called so
 SUFFIX = "_degC"
+MANY = 64  # sessions that a file may hold for each of its rows to be held against all of them
 
 
 def create(connection: duckdb.DuckDBPyConnection, bucket: Bucket | None = None) -> None:
@@ -44,7 +45,11 @@ def create(connection: duckdb.DuckDBPyConnection, bucket: Bucket | None = None) 
     Raises WarehouseError where a Parquet file that the facts name is missing or damaged.
     """
     schema = partial(_schema, bucket)
-    _view(connection, "values", VALUES, _values(connection, schema))
+    shared = "FROM base.segments SELECT file GROUP BY file HAVING count(*) > ?"
+    of_many = {file for (file,) in connection.execute(shared, [MANY]).fetchall()}
+    _find_doubled(connection, schema)
+    _view(connection, "values", VALUES, _values(connection, schema, lambda file: file not in of_many))
+    _view(connection, "values_of_many", VALUES, _values(connection, schema, lambda file: file in of_many))
     _view(connection, "temperatures", TEMPERATURES, _temperatures(connection, schema))
     _view(connection, "residuals", RESIDUALS, _tables(connection, schema, "residuals", RESIDUALS))
     for kind, columns in AGEING.items():
@@ -61,9 +66,8 @@ def name(value: str) -> str:
     return '"' + value.replace('"', '""') + '"'
 
 
-def _values(connection: duckdb.DuckDBPyConnection, schema_of: SchemaOf) -> Iterable[str]:
-    """One branch for each channel of each kind of file: same columns, same channels."""
-    _find_doubled(connection, schema_of)
+def _values(connection: duckdb.DuckDBPyConnection, schema_of: SchemaOf, taken: Callable[[str], bool]) -> Iterable[str]:
+    """One branch for each channel of each kind of file that is taken: same columns, same channels."""
     twice = set(connection.execute("SELECT DISTINCT file FROM base.doubled").fetchall())
     channels: dict[str, list[tuple[str, ...]]] = defaultdict(list)
     for file, *channel in connection.execute(
@@ -71,7 +75,8 @@ def _values(connection: duckdb.DuckDBPyConnection, schema_of: SchemaOf) -> Itera
         "FROM base.groups AS g JOIN base.channels AS c ON c.decode = g.decode AND c.group_name = g.group_name "
         "ORDER BY g.file, c.place"
     ).fetchall():
-        channels[file].append(tuple(channel))
+        if taken(file):
+            channels[file].append(tuple(channel))
     alike = _alike({file: (schema_of(file), tuple(of), (file,) in twice) for file, of in channels.items()})
     for (schema, listed, some), files in alike.items():
         columns, kinds = _columns(schema), dict(schema)

@@ -20,8 +20,7 @@ SELECT
     v.cooling_K_per_min,
     a.run AS assessment
 FROM base.ageing_cycles AS v
-JOIN base.artefacts AS a ON a.file = v.file
-ORDER BY v.specimen, v.number;
+JOIN base.artefacts AS a ON a.file = v.file;  -- in the order of the file, by specimen and number: a fleet is not sorted again
 
 COMMENT ON VIEW oven_cycles IS
     'One row a thermal cycle of the specimens of the latest `whyhot ageing`, cut from the temperature itself: a log may hold several. A cycle exceeds 180 degC by 2 K and ends 20 K below it; `cycles` has the hours of whole sessions. Empty before the first assessment.';

@@ -1,24 +1,33 @@
 CREATE VIEW samples AS
 SELECT
-    s.session,
-    s.session_name,
-    v.channel,
-    v.quantity,
-    v.node,
-    v.region,
-    v.unit,
-    v.t_ns,
-    (v.t_ns - s.start_ns) / 1e9 AS t_s,
-    v.value,
-    s.file_id,
-    v.record,
-    s.group_name,
-    v.doubled
-FROM base.values AS v
-JOIN base.segments AS s ON s.file = v.file
--- as an expression: DuckDB would make a range join of BETWEEN, which takes as long as all the rest
-WHERE CASE WHEN v.record >= s.first_record THEN v.record <= s.last_record ELSE false END
-  AND isfinite(v.value);  -- not `isnan`: DuckDB decides that by the statistics of the file, which know nothing of NaN
+    session,
+    session_name,
+    channel,
+    quantity,
+    node,
+    region,
+    unit,
+    t_ns,
+    (t_ns - start_ns) / 1e9 AS t_s,
+    value,
+    file_id,
+    record,
+    group_name,
+    doubled
+FROM (
+    SELECT v.* EXCLUDE (file), s.*
+    FROM base.values AS v
+    JOIN base.segments AS s ON s.file = v.file
+    -- as an expression: DuckDB would make a range join of BETWEEN, which takes as long as all the rest
+    WHERE CASE WHEN v.record >= s.first_record THEN v.record <= s.last_record ELSE false END
+    UNION ALL
+    -- the table of a fleet: each row against each of its sessions would be the square of the fleet
+    SELECT v.* EXCLUDE (file), s.*
+    FROM base.values_of_many AS v
+    ASOF JOIN base.segments AS s ON s.file = v.file AND v.record >= s.first_record
+    WHERE v.record <= s.last_record
+)
+WHERE isfinite(value);  -- not `isnan`: DuckDB decides that by the statistics of the file, which know nothing of NaN
 
 COMMENT ON VIEW samples IS
     'One row a measured or derived value, at its native rate. Name a session and a channel where you can: only their files and columns are then read. A value that is absent or not finite has no row; text columns have none either.';

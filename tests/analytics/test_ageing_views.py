@@ -27,7 +27,7 @@ from ingest.facts.events import (
     SessionRegrouped,
 )
 from ingest.facts.store import Store
-from replay.studies.ageing.assessment import schema_of
+from replay.studies.ageing.tables import schema_of
 
 ASSESSED = ("conductivity_by_cycle", "life_used", "fleet_health", "changepoints", "batches")
 START_NS = 1_760_000_000_000_000_000

@@ -16,7 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from analytics import tables, warehouse
+from analytics import scans, tables, warehouse
 from analytics.errors import WarehouseError
 from ingest.errors import LedgerError
 from ingest.facts.events import SessionRecorded, SessionRegrouped
@@ -54,6 +54,18 @@ def test_rows_of_one_table_are_shared_out_to_its_sessions(shared_store: Store) -
     rows = ask(shared_store, "SELECT session_name, min(record), max(record), min(t_s), max(value) FROM samples "
                       "WHERE channel = 'oven' GROUP BY ALL ORDER BY ALL")  # fmt: skip
     assert rows == [("oven_a", 0, 4, 0.0, 184.0), ("oven_b", 5, 9, 0.0, 189.0)]
+
+
+def test_a_table_of_many_sessions_has_the_same_samples_by_another_join(
+    shared_store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = str(shared_store.ledger.head().position)
+    with warehouse.refresh(shared_store, now) as few:
+        expected = warehouse.digest(few.connection)
+    monkeypatch.setattr(scans, "MANY", 1)
+    with warehouse.refresh(shared_store, now) as many:
+        assert many.connection.execute("SELECT count(*) > 0 FROM base.values_of_many").fetchall() == [(True,)]
+        assert warehouse.digest(many.connection) == expected
 
 
 @pytest.mark.parametrize("condition", ["true", "value <= 28", "value < 1e9", "NOT isnan(value)", "value <> 0.5"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from replay.studies.ageing.assessment import (
     Assessment,
     Batch,
     DcCheck,
+    FleetCounts,
     LivesLaw,
     OneLife,
     Specimen,
@@ -80,6 +82,13 @@ def assessment(*specimens: Specimen, batches: list[Batch] | None = None) -> Asse
         rules=["0.9 eV", "1.1 eV", "10 K rule"],
         repeatability_from="0.8 %, from repeats",
         specimens=list(specimens),
+        whole=FleetCounts(
+            specimens=len(specimens),
+            checks=sum(len(one.checks) for one in specimens),
+            changed=dict(Counter(one.form for one in specimens if one.significant)),
+            outlying=sum(one.outlying for one in specimens),
+            density=None,
+        ),
         law=None,
         life=AssessedLives(
             criterion="conductivity -50 %", lives=[], law=None, why="no specimen has reached the criterion yet"

@@ -35,6 +35,7 @@ CELLS = np.arange(-3.5, 6.0 + CELL / 2, CELL)
 SHARES = np.exp(-(CELLS**2) / (1.0 - CELL**2 / 4.0) / 2.0)
 SHARES /= SHARES.sum()
 IGNORED = 0.01  # of the highest weight: points of the grid that are left out
+FEW_AT_ONCE = 1000  # specimens whose scores are in memory at all points of the grid together
 AT_ONCE = 30_000  # numbers of an array on the way
 
 
@@ -53,7 +54,13 @@ class HealthySlopes:
         """How each specimen's slope compares with healthy ones (m,): the normal quantile of the probability that a
         healthy slope is less than `off` (m,) from its centre, read with an error of `variance` (m,), by all other
         specimens."""
-        return self._quantiles(off, variance, self.ln_weight[:, None] - self.ln_brought)
+        parts = [slice(first, first + FEW_AT_ONCE) for first in range(0, max(len(off), 1), FEW_AT_ONCE)]
+        return np.concatenate(
+            [
+                self._quantiles(off[some], variance[some], self.ln_weight[:, None] - self.ln_brought[:, some])
+                for some in parts
+            ]
+        )
 
     def scores_of_newcomers(self, off: Floats, variance: Floats) -> Floats:
         """The same for other specimens (any number,), by all that was learnt from."""
@@ -79,7 +86,10 @@ def healthy_slopes(
     points = np.array(_grid(tau, tau / max(abs(centre), 1e-6 * tau)))
     wide = WIDTH * np.sqrt(tau**2 + variance)
     outlying = STANDS_OUT / (math.pi * wide * (1.0 + (off / wide) ** 2))
-    each = np.log((1.0 - STANDS_OUT) * _of_points(_density, off, variance, points) + outlying)
+    each = _of_points(_density, off, variance, points)
+    each *= 1.0 - STANDS_OUT
+    each += outlying
+    np.log(each, out=each)
     each *= takes_part
     ln_weight = each.sum(axis=1) - weight * (np.log(points[:, 1]) + (usual / points[:, 1]) ** 2 / 2.0)
     kept = ln_weight > ln_weight.max() + math.log(IGNORED)

@@ -15,11 +15,11 @@ one evaluation eliminates every specimen's pair at once and solves for what spec
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import sparse
 from scipy.linalg import cho_solve, solve_triangular
 from scipy.optimize import minimize
 from scipy.stats import chi2
@@ -121,9 +121,10 @@ def fit(
 @dataclass(frozen=True)
 class _Sums:
     """Weighted sums over rows, in units in which doses, columns and weights are about 1. A specimen has two columns,
-    constant and dose; q columns are shared: batch slopes, then the fixed ones. Products of a specimen's with
-    themselves `zz` (m, 2, 2), with the shared ones `zs` (m, 2, q) and with y `zy` (m, 2); of the shared ones
-    `ss` and `sy`; `yy`."""
+    constant and dose; q columns are shared: batch slopes, then the fixed ones, and it meets 1 + p of them: its own
+    batch's (0 where it has none) and the fixed ones. Products of a specimen's with themselves `zz` (m, 2, 2), with the
+    shared ones that it meets `zs` (m, 2, 1 + p) and with y `zy` (m, 2); of the shared ones `ss` (q, q) and `sy` (q,);
+    `yy`."""
 
     zz: Floats
     zs: Floats
@@ -158,16 +159,17 @@ class _Sums:
         x = columns / column_scale * root[:, None]
         first, *_ = np.linalg.lstsq(x, root * np.asarray(y, np.float64), rcond=None)
         rest = root * np.asarray(y, np.float64) - x @ first  # small numbers: sums of their squares lose nothing
-        every, two = np.arange(n), np.column_stack([2 * who, 2 * who + 1])
-        products = [np.bincount(who, product, m) for product in (root**2, root * run, root * run, run**2)]
-        own = _in_place(np.repeat(every, 2), two.ravel(), np.column_stack([root, run]).ravel(), n)
-        shared = sparse.hstack([_in_place(every, of_batch[who], run, n), x], format="csr")
+        own, shared = (root, run), (np.where(of_batch[who] >= 0, run, 0.0), *x.T)
+
+        def products(some: Sequence[Floats], others: Sequence[Floats]) -> Floats:
+            return np.stack([np.bincount(who, a * b, m) for a in some for b in others], axis=1)
+
         return cls(
-            zz=np.asarray(np.stack(products, axis=1).reshape(m, 2, 2), np.float64),
-            zs=(own.T @ shared).toarray().reshape(m, 2, -1),
-            zy=(own.T @ rest).reshape(m, 2),
-            ss=(shared.T @ shared).toarray(),
-            sy=shared.T @ rest,
+            zz=products(own, own).reshape(m, 2, 2),
+            zs=products(own, shared).reshape(m, 2, 1 + p),
+            zy=products(own, [rest]),
+            ss=_of_all(of_batch, products(shared, shared).reshape(m, 1 + p, 1 + p)),
+            sy=_of_all(of_batch, products(shared, [rest])),
             yy=float(rest @ rest),
             of_batch=of_batch,
             batches=int(of_batch.max()) + 1,
@@ -181,11 +183,16 @@ class _Sums:
         )
 
 
-def _in_place(row: Ints, column: Ints, value: Floats, rows: int) -> sparse.csr_matrix:
-    """A sparse matrix of values at their rows and columns, without those of column -1."""
-    there = column >= 0
-    shape = (rows, int(column.max()) + 1)
-    return sparse.csr_matrix((value[there], (row[there], column[there])), shape=shape)
+def _of_all(of_batch: Ints, each: Floats) -> Floats:
+    """What each specimen brings to the shared columns that it meets, (m, 1 + p) or (m, 1 + p, 1 + p), summed over
+    specimens at all shared columns: (q,) or (q, q)."""
+    batches = int(of_batch.max()) + 1
+    sums = [np.bincount(of_batch + 1, one, batches + 1) for one in each.reshape(len(each), -1).T]
+    by_batch = np.stack(sums, axis=1).reshape(batches + 1, *each.shape[1:])  # the first of those without one
+    fixed, own = by_batch.sum(axis=0)[1:], by_batch[1:, 0]
+    if each.ndim == 2:
+        return np.concatenate([own, fixed])
+    return np.block([[np.diag(own[:, 0]), own[:, 1:]], [own[:, 1:].T, fixed[:, 1:]]])
 
 
 @dataclass(frozen=True)
@@ -211,14 +218,13 @@ def _solve(sums: _Sums, theta: Floats) -> _Solved:
     inverse[:, 0, 0], inverse[:, 1, 1] = inner[:, 1, 1] / determinant, inner[:, 0, 0] / determinant
     inverse[:, 0, 1] = inverse[:, 1, 0] = -inner[:, 0, 1] / determinant
     h, g = lower.T @ sums.zs, sums.zy @ lower
-    weighted = (inverse @ h).reshape(-1, h.shape[2])
-    flat = h.reshape(-1, h.shape[2])
+    weighted = (inverse @ h).transpose(0, 2, 1)
     relative = np.ones(sums.batches + sums.p)
     relative[: sums.batches] = theta[3]
-    left = (sums.ss - flat.T @ weighted) * relative[:, None] * relative
+    left = (sums.ss - _of_all(sums.of_batch, weighted @ h)) * relative[:, None] * relative
     left[np.arange(sums.batches), np.arange(sums.batches)] += 1.0
-    right = (sums.sy - weighted.T @ g.ravel()) * relative
-    factor = np.linalg.cholesky(left)
+    right = (sums.sy - _of_all(sums.of_batch, (weighted @ g[:, :, None])[:, :, 0])) * relative
+    factor = np.asarray(np.linalg.cholesky(left), np.float64)
     half = solve_triangular(factor, right, lower=True)
     square = sums.yy - float(np.einsum("mi,mij,mj->", g, inverse, g)) - float(half @ half)
     degrees = sums.rows - sums.p
@@ -255,13 +261,17 @@ def _fit_of(sums: _Sums, theta: Floats) -> MixedFit:
     batches, p, m = sums.batches, sums.p, len(sums.zz)
     covariance = cho_solve((solved.factor, True), np.diag(solved.relative)) * solved.relative[:, None] * solved.variance
     own = solved.lower @ solved.inverse @ solved.lower.T  # of a specimen's pair given the shared columns, over scale^2
-    pair = (own @ (sums.zy - sums.zs @ solved.shared)[:, :, None])[:, :, 0]
+    met = np.column_stack([np.arange(batches + 1) - 1, *np.tile(np.arange(batches, batches + p), (batches + 1, 1)).T])
+    met[0, 0] = batches  # whatever it is: those without a batch have 0 of it
+    shared = solved.shared[met][sums.of_batch + 1]
+    pair = (own @ (sums.zy - (sums.zs @ shared[:, :, None])[:, :, 0])[:, :, None])[:, :, 0]
     reach = -own @ sums.zs
-    members = np.flatnonzero(sums.of_batch >= 0)
-    reach[members, 1, sums.of_batch[members]] += 1.0
-    pair[members, 1] += solved.shared[sums.of_batch[members]]
-    both = np.concatenate([np.broadcast_to(np.eye(batches + p)[batches:], (m, p, batches + p)), reach], axis=1)
-    joint = both @ covariance @ both.transpose(0, 2, 1)
+    members = sums.of_batch >= 0
+    reach[members, 1, 0] += 1.0
+    pair[members, 1] += shared[members, 0]
+    both = np.concatenate([np.broadcast_to(np.eye(1 + p)[1:], (m, p, 1 + p)), reach], axis=1)
+    of_met = covariance[met[:, :, None], met[:, None, :]][sums.of_batch + 1]
+    joint = both @ of_met @ both.transpose(0, 2, 1)
     joint[:, p:, p:] += solved.variance * own
     units = np.concatenate([1.0 / sums.column_scale, [1.0, 1.0 / sums.dose_scale]])
     scale = math.sqrt(solved.variance)

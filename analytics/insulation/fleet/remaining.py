@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,6 +27,7 @@ HALF_CONDUCTIVITY = 2.0
 BAND = (0.025, 0.5, 0.975)
 FARTHEST = 1000.0  # times the highest dose of all
 DOSES = 600  # at which the probability is computed, in equal ratios: 4 %, interpolated
+AT_ONCE = 1000  # specimens whose courses are in memory together: 5 MB an array of them
 
 
 @dataclass(frozen=True)
@@ -68,12 +69,18 @@ def remaining(
     last = np.zeros(len(known))
     np.maximum.at(last, who, dose)
     at = float(dose.max()) * np.geomspace(1e-4, FARTHEST, DOSES)
-    over, slope, slope_sd = _courses(fit, knots, at, math.log(factor))
-    ends = [[_dose_of(q, at, row) for q in student.ppf(BAND, len(known) - 1)] for row in over]
-    return tuple(
-        _life(str(name), float(now), PERCENT_PER_100_H * float(b), PERCENT_PER_100_H * float(e), end)
-        for name, now, b, e, end in zip(known, last, slope, slope_sd, ends, strict=True)
-    )
+    quantiles = student.ppf(BAND, len(known) - 1)
+    found: list[RemainingLife] = []
+    for first in range(0, len(known), AT_ONCE):
+        some = slice(first, first + AT_ONCE)
+        part = replace(fit, effect=fit.effect[some], joint=fit.joint[some])
+        over, slope, slope_sd = _courses(part, knots, at, math.log(factor))
+        ends = [[_dose_of(q, at, row) for q in quantiles] for row in over]
+        found += [
+            _life(str(name), float(now), PERCENT_PER_100_H * float(b), PERCENT_PER_100_H * float(e), end)
+            for name, now, b, e, end in zip(known[some], last[some], slope, slope_sd, ends, strict=True)
+        ]
+    return tuple(found)
 
 
 def _courses(fit: mixed.MixedFit, knots: Floats, at: Floats, limit: float) -> tuple[Floats, Floats, Floats]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,13 @@ def to_parquet(table: pa.Table) -> bytes:
         table, sink, compression="zstd", compression_level=1, write_page_checksum=True, write_statistics=False
     )
     return sink.getvalue()
+
+
+def table_writer(path: Path, schema: pa.Schema) -> pq.ParquetWriter:
+    """The same as a file that is written part by part."""
+    return pq.ParquetWriter(
+        path, schema, compression="zstd", compression_level=1, write_page_checksum=True, write_statistics=False
+    )
 
 
 def read_parquet(data: bytes) -> pa.Table:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -9,10 +10,11 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
+import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from ingest.catalogue.channels import load
-from ingest.facts.events import SessionRecorded
+from ingest.facts.events import AgeingAssessed, SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from replay.engine.files.configurations import network_of
@@ -174,11 +176,30 @@ def _left(store: Store, facts: Facts, session: SessionRecorded) -> _Left | None:
 
     for event in reversed(list(facts.assessments.values())):
         answer = json.loads(store.archive.read(event.answer))
-        for specimen in answer["specimens"]:
-            if specimen["specimen"] == session.specimen:
-                states = [check["left"] for check in specimen["checks"] if check.get("left") and is_before(check)]
-                return _Left(event.assessment, float(answer["threshold_degC"]), State(**states[-1])) if states else None
+        checks = _checks(store, event, answer, str(session.specimen))
+        if checks is not None:
+            states = [check["left"] for check in checks if check.get("left") and is_before(check)]
+            return _Left(event.assessment, float(answer["threshold_degC"]), State(**states[-1])) if states else None
     return None
+
+
+def _checks(
+    store: Store, event: AgeingAssessed, answer: Mapping[str, Any], specimen: str
+) -> Sequence[Mapping[str, Any]] | None:
+    """A specimen's checks in an assessment, None where it knows none; of a fleet of which the answer holds a part, from
+    its table."""
+    for one in answer["specimens"]:
+        if one["specimen"] == specimen:
+            checks: Sequence[Mapping[str, Any]] = one["checks"]
+            return checks
+    if "whole" not in answer or answer["whole"]["specimens"] == len(answer["specimens"]):
+        return None
+    table = pq.read_table(
+        io.BytesIO(store.archive.read(event.artefacts["checks"])),
+        columns=["session", "start_ns", "left"],
+        filters=[("specimen", "=", specimen)],
+    )
+    return [{**row, "left": row["left"] and json.loads(row["left"])} for row in table.to_pylist()] or None
 
 
 def _aged(place: AgeingPlace, dose_h: float, left: _Left | None) -> Aged:

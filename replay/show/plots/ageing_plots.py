@@ -7,17 +7,26 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from replay.show.plots.plots import WIDTH
 from replay.show.words import words
 from replay.show.words.figure import FigureTable, Plot, inline_svg, style
 from replay.show.words.palette import COLOURS, INK, SOFT
-from replay.studies.ageing.assessment import Assessment, Batch, Specimen
+from replay.studies.ageing.assessment import Assessment, Batch, Density, Specimen
+
+Floats = NDArray[np.float64]
 
 CRITERION_PERCENT = 200.0  # conductivity -50 %: R is twice the first
 SEEN_FROM = 133.0  # percent of the first R: below, the criterion is told and not drawn, it would flatten the courses
 MOST_COURSES, COLUMNS = 8, 2
 MOST_ROWS = 60  # specimens in the forest
+DENSITY = 3.0  # inches
+SHADES = (0.02, 0.1, 0.25, 0.5, 0.75)  # of the fullest cell
+DENSITY_NOTE = (
+    "The darker, the more of the checks at that dose; the line is their median. The table has a row a column of the "
+    "picture."
+)
 PANEL, ROW = 1.75, 0.17  # inches: height of a course's panel, of a specimen in the forest
 
 
@@ -69,6 +78,58 @@ def courses(found: Assessment, title: str) -> Plot | None:
         f"and its 95 %. Dotted: where the course changes. {_criterion(found, top)}"
     )
     return Plot(title, svg, note + (f" {left} more specimens in the table." if left else ""), _courses_table(found))
+
+
+def density(found: Assessment) -> Plot | None:
+    """Where the checks of a whole fleet lie, as a density; None where its courses can be told apart."""
+    if found.whole.density is None:
+        return None
+    title = f"All {found.whole.specimens:,} specimens: where their {found.whole.checks:,} checks lie"
+    with style(f"{found.assessment} density"):
+        figure = Figure(figsize=(WIDTH, DENSITY))
+        ax = figure.add_axes((0.1, 0.16, 0.88, 0.8))
+        draw_density(ax, found.whole.density)
+        ax.set_xlabel(f"hours above {found.threshold_degC:g} °C")
+        ax.set_ylabel("R, % of the first")
+        svg = inline_svg(figure, title)
+    return Plot(title, svg, DENSITY_NOTE, _density_table(found.whole.density))
+
+
+def draw_density(ax: Axes, density: Density) -> None:
+    """Each column of doses in shades of its own fullest cell, as late checks are few, with the median course."""
+    checks = np.array(density.checks, np.float64)
+    share = checks / np.maximum(checks.max(axis=0), 1.0)
+    levels = [*SHADES, 1.01]
+    alphas = [shade**0.5 * 0.8 for shade in SHADES]
+    cells = (_middles(density.dose_h), _middles(density.percent), share)
+    for low, high, alpha in zip(levels, levels[1:], alphas, strict=False):
+        ax.contourf(*cells, levels=[low, high], colors=[COLOURS[0]], alpha=alpha)
+    ax.plot(_middles(density.dose_h), _quantiles(density)[1], color=INK[0], linewidth=1.2)
+    ax.grid(False)
+
+
+def _middles(edges: Sequence[float]) -> Floats:
+    return np.asarray((np.array(edges[1:]) + np.array(edges[:-1])) / 2, np.float64)
+
+
+def _quantiles(density: Density) -> Floats:
+    """R [% of the first] below which 10 %, half and 90 % of the checks of each column of doses lie (3, n); NaN where
+    there is none."""
+    below = np.cumsum(np.array(density.checks, np.float64), axis=0)
+    edges, found = np.array(density.percent), np.full((3, below.shape[1]), np.nan)
+    for column, total in enumerate(below[-1]):
+        if total:
+            at = np.array([0.1, 0.5, 0.9]) * total
+            found[:, column] = np.interp(at, np.concatenate([[0.0], below[:, column]]), edges)
+    return found
+
+
+def _density_table(density: Density) -> FigureTable:
+    head = ("dose [h]", "checks", "R of 10 % is below [% of the first]", "median [%]", "R of 90 % is below [%]")
+    counts = np.array(density.checks).sum(axis=0)
+    rows = zip(_middles(density.dose_h), counts, *_quantiles(density), strict=True)
+    shown = [(_cell(dose, 1), f"{n:,}", *(_cell(percent, 1) for percent in rest)) for dose, n, *rest in rows if n]
+    return FigureTable(head, tuple(shown))
 
 
 def _criterion(found: Assessment, top: float) -> str:
@@ -140,8 +201,8 @@ def forest(found: Assessment) -> Plot | None:
         "Dots: a specimen's slope, as its own checks and those of its fleet say together, with 95 %. Diamonds: the "
         "mean of a batch, with how far it is above the other batches in standard deviations. Orange: stands out."
     )
-    left = len(known) - len(shown)
-    return Plot(title, svg, note + (f" {left} more in the table." if left else ""), _forest_table(known, batches))
+    left = found.whole.specimens - len(shown)
+    return Plot(title, svg, note + (f" {left:,} more are not drawn." if left else ""), _forest_table(known, batches))
 
 
 def _forest_title(found: Assessment) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from replay.show.plots.ageing_plots import courses, forest
+from replay.show.plots.ageing_plots import courses, density, forest
 from replay.show.plots.lives_plots import arrhenius, survival
 from replay.show.reports.report import ReportContext
 from replay.show.verbs import ageing
@@ -15,7 +15,7 @@ from replay.studies.ageing.assessment import Assessment
 def write_ageing_report(found: Assessment, target: Path, context: ReportContext) -> None:
     """Write the report of an assessment to `target`. The same assessment gives the same bytes."""
     pictures = {
-        "Courses": [courses(found, courses_title(found))],
+        "Courses": [courses(found, courses_title(found)), density(found)],
         "Specimens and batches": [forest(found)],
         "Lives": [arrhenius(found.life, found.assessment), survival(found.life, found.assessment)],
     }
@@ -34,8 +34,9 @@ def write_ageing_report(found: Assessment, target: Path, context: ReportContext)
 def courses_title(found: Assessment) -> str:
     """How many courses go beyond repeatability, and which is steepest."""
     changed = [one for one in found.specimens if one.significant and one.slope_percent_per_100h is not None]
+    many = sum(found.whole.changed.values())
     if not changed:
-        return "No specimen changes beyond repeatability"
+        return f"{many:,} of {found.whole.specimens:,} change" if many else "No specimen changes beyond repeatability"
     worst = max(changed, key=lambda one: one.slope_percent_per_100h or 0.0)
     steepest = f"{worst.slope_percent_per_100h:+.1f} % per 100 h".replace("-", "−")
-    return f"{len(changed)} of {len(found.specimens)} change beyond repeatability: {worst.specimen} most, R {steepest}"
+    return f"{many:,} of {found.whole.specimens:,} change beyond repeatability: {worst.specimen} most, R {steepest}"

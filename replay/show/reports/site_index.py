@@ -76,7 +76,7 @@ def _answer(sessions: Sequence[SessionRow], diagnoses: int, found: Assessment | 
     told = [f"{words.counted(len(sessions), 'session')}, {replayed} replayed"]
     told += [f"in {off} of these the model is off by more than its sensors leave open"] if off else []
     told += [f"{diagnoses} {'diagnosis' if diagnoses == 1 else 'diagnoses'}"] if diagnoses else []
-    told += [words.counted(len(found.specimens), "specimen") + " followed through ageing"] if found else []
+    told += [words.counted(found.whole.specimens, "specimen") + " followed through ageing"] if found else []
     return "; ".join(told) + "."
 
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Any
 
 from replay.show.words import words
 from replay.show.words.terminal import labelled
 from replay.studies.ageing.assessment import AgeingLaw, Assessment, Batch, LivesLaw, Specimen, StressEffect
+from replay.studies.ageing.whole import rank
 
-ROWS = 12  # specimens in the table; of more, those that stand out most
+ROWS = 12  # specimens or batches in a table; of more, those that stand out most
 NAMED = 8  # specimens or batches in a sentence
 FORMS = {
     "none": "no change beyond repeatability",
@@ -30,7 +30,8 @@ def ageing_text(found: Assessment) -> str:
     lines.append("")
     for name, text in says(found):
         lines += labelled(name, text)
-    lines += labelled("Next", 'whyhot sql "FROM conductivity_by_cycle" · whyhot sql "FROM fleet_health"')
+    page = f" LIMIT {ROWS} OFFSET {ROWS}" if found.whole.specimens > ROWS else ""
+    lines += labelled("Next", f'whyhot sql "FROM conductivity_by_cycle" · whyhot sql "FROM fleet_health{page}"')
     return "\n".join(lines)
 
 
@@ -49,19 +50,19 @@ def says(found: Assessment) -> list[tuple[str, str]]:
 
 def answer(found: Assessment) -> str:
     """How many specimens, what the courses are, and what stands out."""
-    checks = sum(len(one.checks) for one in found.specimens)
-    parts = [f"{words.counted(len(found.specimens), 'specimen')}, {words.counted(checks, 'check')}."]
-    changed = [one for one in found.specimens if one.significant]
-    if len(found.specimens) <= NAMED:
+    whole = found.whole
+    parts = [f"{words.counted(whole.specimens, 'specimen')}, {words.counted(whole.checks, 'check')}."]
+    if whole.specimens <= NAMED:
+        changed = [one for one in found.specimens if one.significant]
         parts += [f"{one.specimen}: {course(one)}." for one in changed]
         same = [one.specimen for one in found.specimens if not one.significant and one.checks]
         unseen = [one.specimen for one in found.specimens if not one.checks]
         told = {FORMS["none"]: same, "no check": unseen}
         parts += [f"{words.joined(names)}: {says}." for says, names in told.items() if names]
     else:
-        forms = Counter(one.form for one in changed)
-        counts = words.joined([f"{count} {FORMS[form]}" for form, count in forms.most_common()])
-        parts.append(f"{len(changed)} change beyond repeatability" + (f" ({counts})." if counts else "."))
+        counts = words.joined([f"{count:,} {FORMS[form]}" for form, count in whole.changed.items()])
+        many = f"{sum(whole.changed.values()):,}"
+        parts.append(f"{many} change beyond repeatability" + (f" ({counts})." if counts else "."))
     return " ".join([*parts, standing_out(found)])
 
 
@@ -84,14 +85,15 @@ def standing_out(found: Assessment) -> str:
     batches = [f"batch {one.batch}" for one in sorted(found.batches, key=score) if one.outlying]
     specimens = [one.specimen for one in sorted(found.specimens, key=score) if one.outlying]
     rate = f"false discovery rate {100 * found.false_discovery_rate:.0f} %"
-    said = [_first(names) for names in (batches, specimens) if names]
+    listed = ((batches, len(batches)), (specimens, found.whole.outlying))
+    said = [_first(names, of) for names, of in listed if names]
     if not said:
         return f"None stands out from the others ({rate})."
     return f"Not as the others: {words.joined(said)} ({rate})."
 
 
-def _first(names: Sequence[str]) -> str:
-    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+def _first(names: Sequence[str], of: int) -> str:
+    more = f" and {of - NAMED:,} more" if of > NAMED else ""
     return f"{words.joined(names[:NAMED])}{more}"
 
 
@@ -103,8 +105,8 @@ def score(one: Specimen | Batch) -> float:
 def _table(found: Assessment) -> Iterator[str]:
     shown = list(found.specimens)
     if len(shown) > ROWS:
-        bad = {one.batch for one in found.batches if one.outlying}
-        shown = sorted(shown, key=lambda one: (not one.outlying, one.batch not in bad, score(one)))[:ROWS]
+        place = rank({one.batch for one in found.batches if one.outlying})
+        shown = sorted(shown, key=lambda one: place(one.outlying, one.batch, one.score))[:ROWS]
     wide = max([8, *(len(one.specimen) for one in shown)])
     yield (
         f"{'Specimen':<{wide}}  {'batch':<6}  checks    dose  {'course':<14}{'sure':>5}  {'R per 100 h':>12}  "
@@ -117,8 +119,8 @@ def _table(found: Assessment) -> Iterator[str]:
             f"{one.form.replace('_', ' '):<14}{100 * one.form_probability:>3.0f} %  {_slope(one):>12}  "
             f"{_percent(last.conductivity_percent if last else None):>8}  {life_used(one)}{_apart(one)}"
         )
-    if len(found.specimens) > len(shown):
-        yield f"and {len(found.specimens) - len(shown)} more"
+    if found.whole.specimens > len(shown):
+        yield f"and {found.whole.specimens - len(shown):,} more"
 
 
 def _apart(one: Specimen) -> str:
@@ -129,10 +131,12 @@ def _apart(one: Specimen) -> str:
 
 def _batches(found: Assessment) -> Iterator[str]:
     yield f"{'Batch':<12}{'specimens':>10}{'R per 100 h':>14}{'above the others':>19}"
-    for one in sorted(found.batches, key=score):
+    for one in sorted(found.batches, key=score)[:ROWS]:
         slope = _percent_per_100h(one.slope_percent_per_100h)
         above = "-" if one.score is None else f"{one.score:+.1f} sd".replace("-", "−")
         yield f"{one.batch:<12}{one.specimens:>10}{slope:>14}{above:>19}{'  stands out' if one.outlying else ''}"
+    if len(found.batches) > ROWS:
+        yield f"and {len(found.batches) - ROWS} more"
 
 
 def _law(law: AgeingLaw) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from replay.show.plots.ageing_plots import points
+from replay.show.plots.ageing_plots import draw_density, points
 from replay.show.verbs.ageing import answer, score
 from replay.show.words.figure import KEY_ABOVE, save, style
 from replay.show.words.palette import COLOURS, DASHES, INK, PAPER, SOFT
@@ -21,8 +21,10 @@ def picture(found: Assessment, target: Path) -> None:
         axes = figure.add_axes((0.08, 0.13, 0.89, 0.70))
         drawn = [one for one in found.specimens if points(one)]
         coloured = sorted(drawn, key=lambda one: (not one.outlying, not one.significant, score(one)))[: len(COLOURS)]
+        if found.whole.density:
+            draw_density(axes, found.whole.density)
         for one in drawn:
-            if one not in coloured:
+            if one not in coloured and not found.whole.density:
                 dose, percent, _ = zip(*points(one), strict=True)
                 axes.plot(dose, percent, color=SOFT[0], alpha=0.25, linewidth=0.6)
         for one, colour, dashes in zip(coloured, COLOURS, DASHES, strict=False):

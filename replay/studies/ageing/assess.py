@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from hashlib import sha256
 from typing import TYPE_CHECKING, Any
@@ -19,7 +20,6 @@ from ingest.facts.sessions import natural
 from ingest.facts.store import Store
 from replay.engine.files.motor_file import read_motor
 from replay.engine.files.motor_text import with_law
-from replay.engine.results.artefacts import to_parquet
 from replay.engine.runs.identity import run_id
 from replay.engine.runs.sources import code_of
 from replay.engine.specimen.aged import law_of, states_left
@@ -29,28 +29,30 @@ from replay.studies.ageing.assessment import (
     Assessment,
     Batch,
     DcCheck,
-    HotHours,
+    FleetCounts,
     Specimen,
     document,
     read,
-    tables,
 )
 from replay.studies.ageing.configured_checks import models_of
 from replay.studies.ageing.history import History, Point, histories, is_check, of_ageing
 from replay.studies.ageing.lives import lives_of
 from replay.studies.ageing.stress import beside_heat, stress_of
+from replay.studies.ageing.tables import Tables
+from replay.studies.ageing.whole import MOST, density, rank
 from twin.insulation.ageing_state import Check as Seen
 from twin.motor.ageing_law import Ageing
 
 if TYPE_CHECKING:
     from analytics.insulation.campaign import Assessed
     from analytics.insulation.courses.forms import FittedCourse
-    from analytics.insulation.fleet.outlying import SpecimenHealth
+    from analytics.insulation.fleet.outlying import BatchHealth, SpecimenHealth
 
 Floats = NDArray[np.float64]
 Tell = Callable[[str], None]
 
 CRITERION = "conductivity -50 %"
+NOTES = 20  # of single specimens
 BATCH = [field.name for field in fields(Batch)]
 
 
@@ -70,11 +72,14 @@ def assess(store: Store, facts: Facts, motor: str | None, as_of: str | None, tel
         return read(json.loads(store.archive.read(again.answer)))
     known = histories(store, facts, sessions, motor, as_of, tell)
     batches = {str(session.specimen): session.batch for session in sessions if session.batch}
-    found = _assessed(store, facts, motor, known, batches, identity, tell)
+    written = Tables(store.work()) if as_of is None else None
+    found = _assessed(store, facts, motor, known, batches, identity, written, tell)
     if as_of is None:
         if motor and found.law:
             found = replace(found, law=replace(found.law, model=_published(store, facts, motor, found.law)))
-        _seal_answer(store, found, key, {name: history.hours for name, history in known.items()})
+        assert written is not None
+        checked = sorted({point.session.session for history in known.values() for point in history.points})
+        _seal_answer(store, found, key, written.sealed(store.archive, found.batches), checked)
     return found
 
 
@@ -106,8 +111,10 @@ def _assessed(
     known: Mapping[str, History],
     batches: Mapping[str, str],
     identity: str,
+    written: Tables | None,
     tell: Tell,
 ) -> Assessment:
+    """The answer; the rows of all specimens, of which it holds `MOST` at most, go into `written`."""
     from analytics.insulation import campaign
     from analytics.insulation.dose import arrhenius
 
@@ -130,10 +137,18 @@ def _assessed(
     sd = {name: [next(of_each) if point.usable else None for point in known[name].points] for name in names}
     law = law_of(store, facts, motor, arrhenius.THRESHOLD_DEGC)
     compared = {one.specimen: one for one in found.fleet.specimens}
-    specimens = [
-        _specimen(name, batches.get(name), known[name], sd[name], found, compared.get(name), law) for name in names
-    ]
-    fleet_law, stress = _law(found, specimens), stress_of(rows, found.sd)
+    held = _held(names, batches, compared, found.fleet.batches)
+    specimens: dict[str, Specimen] = {}
+    surest: Specimen | None = None
+    for name in names:
+        one = _specimen(name, batches.get(name), known[name], sd[name], found, compared.get(name), law)
+        surest = max((surest, one), key=_surely_changed)
+        if written:
+            written.add(one, known[name].hours)
+        if name in held:
+            specimens[name] = one
+    fleet_law, stress = _law(found, surest), stress_of(rows, found.sd)
+    changed = Counter(form.name for form in found.forms.values() if form.significant)
     return Assessment(
         assessment=identity,
         motor=facts.models[motor].motor if motor else None,
@@ -150,28 +165,68 @@ def _assessed(
         else f"{100 * repeats.sd:.1f} %, from {repeats.source}",
         law=fleet_law,
         life=lives_of(known, sd, CRITERION),
-        specimens=specimens,
+        specimens=[specimens[name] for name in held],
+        whole=FleetCounts(
+            specimens=len(names),
+            checks=sum(len(history.points) for history in known.values()),
+            changed=dict(changed.most_common()),
+            outlying=sum(one.outlying for one in found.fleet.specimens),
+            density=density(
+                [name for name, _ in rows],
+                np.array([point.dose_h for _, point in rows], np.float64),
+                np.array([point.resistance for _, point in rows], np.float64),
+            ),
+        ),
         batches=[Batch(**{key: getattr(one, key) for key in BATCH}) for one in found.fleet.batches],
         stress=stress,
         false_discovery_rate=found.fleet.false_discovery_rate,
         notes=[
             *_unnamed(facts),
-            *(f"{name}: {line}" for name in names for line in known[name].notes),
+            *_first(f"{name}: {line}" for name in names for line in known[name].notes),
             *(_not_heat_alone(beside_heat(stress)) if fleet_law else ()),
         ],
     )
 
 
-def _law(found: Assessed, specimens: Sequence[Specimen]) -> AgeingLaw | None:
-    """The fleet's slope, with what specimens differ by, where there are three of them; else that of the one whose
-    course is surest. A rise that has become level is no law to go on with."""
+def _held(
+    names: Sequence[str],
+    batches: Mapping[str, str],
+    compared: Mapping[str, SpecimenHealth],
+    of_batches: Sequence[BatchHealth],
+) -> list[str]:
+    """The specimens that the answer holds, in its order: all in the order of names, or of many the first by `rank`."""
+    if len(names) <= MOST:
+        return list(names)
+    place = rank({one.batch for one in of_batches if one.outlying})
+
+    def of(name: str) -> tuple[bool, bool, float]:
+        one = compared.get(name)
+        return place(bool(one and one.outlying), batches.get(name), one.score if one else None)
+
+    return sorted(names, key=of)[:MOST]
+
+
+def _first(lines: Iterable[str]) -> list[str]:
+    """The first lines, and how many more there are."""
+    every = list(lines)
+    more = len(every) - NOTES
+    return [*every[:NOTES], f"{more} more such notes"] if more > 1 else every
+
+
+def _surely_changed(one: Specimen | None) -> float:
+    """How sure a specimen's course is, to go on with: a rise that has become level is none."""
+    goes_on = one and one.significant and one.ci95 and one.level_from_dose_h is None
+    return one.form_probability if one and goes_on else -1.0
+
+
+def _law(found: Assessed, one: Specimen | None) -> AgeingLaw | None:
+    """The fleet's slope, with what specimens differ by, where there are three of them; else that of `one`, whose
+    course is surest."""
     from analytics.insulation.dose.arrhenius import THRESHOLD_DEGC
 
     fleet = found.fleet
-    changed = [one for one in specimens if one.significant and one.ci95 and one.level_from_dose_h is None]
-    if not changed:
+    if one is None or _surely_changed(one) < 0.0:
         return None
-    one = max(changed, key=lambda one: one.form_probability)
     low, high = one.ci95 or (0.0, 0.0)
     source, slope, sd, from_h = one.specimen, one.slope_percent_per_100h, (high - low) / 3.92, one.change_at_dose_h
     if fleet.slope_percent_per_100h is not None and fleet.specimen_spread is not None:
@@ -295,8 +350,10 @@ def _range(values: Floats) -> list[float]:
     return [float(values.min()), float(values.max())]
 
 
-def _seal_answer(store: Store, found: Assessment, key: dict[str, Any], hours: Mapping[str, Sequence[HotHours]]) -> None:
-    """Seal the answer and its tables, and say so in the ledger."""
+def _seal_answer(
+    store: Store, found: Assessment, key: dict[str, Any], artefacts: dict[str, str], sessions: list[str]
+) -> None:
+    """Seal the answer, and say so in the ledger: its tables are sealed (`artefacts`), `sessions` hold its checks."""
     answer = json.dumps(document(found, {}), sort_keys=True).encode()
     store.ledger.append(
         f"ageing-{found.assessment}",
@@ -304,8 +361,8 @@ def _seal_answer(store: Store, found: Assessment, key: dict[str, Any], hours: Ma
             assessment=found.assessment,
             key=key,
             answer=store.archive.seal(answer),
-            artefacts={name: store.archive.seal(to_parquet(table)) for name, table in tables(found, hours).items()},
-            sessions=sorted({check.session for one in found.specimens for check in one.checks}),
+            artefacts=artefacts,
+            sessions=sessions,
             digest=sha256(answer).hexdigest(),
         ),
     )

@@ -1,13 +1,11 @@
-"""What an assessment of ageing says, as data: one dataclass, `document` its one JSON (`whyhot.ageing/1`), `tables`
-its rows for SQL."""
+"""What an assessment of ageing says, as data: one dataclass, `document` its one JSON (`whyhot.ageing/1`)."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any, TypeVar
-
-import pyarrow as pa
 
 from replay.engine.specimen.heat_history import HoursByTemperature
 
@@ -185,8 +183,31 @@ class AssessedLives:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Density:
+    """How many `checks` (m, n) lie in each cell of a picture of all courses, between edges `dose_h` (n + 1) [h] and
+    edges `percent` (m + 1) of R in % of the specimen's first check."""
+
+    dose_h: list[float]
+    percent: list[float]
+    checks: list[list[int]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FleetCounts:
+    """All specimens, of which an answer holds a part where they are many: how many with how many checks, how many
+    change in which form and stand out; `density` in place of their courses, where these are too many to tell apart."""
+
+    specimens: int
+    checks: int
+    changed: dict[str, int]
+    outlying: int
+    density: Density | None
+
+
+@dataclass(frozen=True, kw_only=True)
 class Assessment:
-    """The whole answer. `law`: None where no course is beyond repeatability. `rules`: names of the rules by which an
+    """The whole answer. `specimens`: all, or of a large fleet those that stand out most, the first one most; `whole`
+    counts them all. `law`: None where no course is beyond repeatability. `rules`: names of the rules by which an
     hour at one temperature is worth some at another; a number is by one rule, never by a mixture."""
 
     assessment: str
@@ -199,6 +220,7 @@ class Assessment:
     law: AgeingLaw | None
     life: AssessedLives
     specimens: list[Specimen]
+    whole: FleetCounts
     batches: list[Batch]
     stress: list[StressEffect]
     false_discovery_rate: float
@@ -217,6 +239,7 @@ def document(found: Assessment, provenance: Mapping[str, Any]) -> dict[str, Any]
     said = vars(found) | {
         "law": asdict(found.law) if found.law else None,
         "life": asdict(found.life),
+        "whole": asdict(found.whole),
         "specimens": [_specimen(one) for one in found.specimens],
         "batches": [asdict(one) for one in found.batches],
         "stress": [asdict(one) for one in found.stress],
@@ -232,8 +255,10 @@ def _outlying(some: Sequence[Compared]) -> list[Compared]:
 
 def read(data: Mapping[str, Any]) -> Assessment:
     """The answer that `document` wrote."""
+    specimens = [_read_specimen(one) for one in data["specimens"]]
     made = {
-        "specimens": [_read_specimen(one) for one in data["specimens"]],
+        "specimens": specimens,
+        "whole": _read_whole(data["whole"]) if "whole" in data else _of_all(specimens),
         "batches": [Batch(**one) for one in data["batches"]],
         "law": AgeingLaw(**data["law"]) if data["law"] else None,
         "life": _read_life(data["life"]),
@@ -242,6 +267,22 @@ def read(data: Mapping[str, Any]) -> Assessment:
     }
     plain = {field.name: data[field.name] for field in fields(Assessment) if field.name in data}
     return Assessment(**plain | made)
+
+
+def _of_all(specimens: Sequence[Specimen]) -> FleetCounts:
+    """The counts of an answer from before there were any: it holds all specimens."""
+    return FleetCounts(
+        specimens=len(specimens),
+        checks=sum(len(one.checks) for one in specimens),
+        changed=dict(Counter(one.form for one in specimens if one.significant).most_common()),
+        outlying=sum(one.outlying for one in specimens),
+        density=None,
+    )
+
+
+def _read_whole(data: Mapping[str, Any]) -> FleetCounts:
+    density = Density(**data["density"]) if data["density"] else None
+    return FleetCounts(**{**data, "density": density})
 
 
 def _read_life(data: Mapping[str, Any]) -> AssessedLives:
@@ -260,63 +301,3 @@ def _read_specimen(data: Mapping[str, Any]) -> Specimen:
     ]
     cycles = [OvenCycle(**one) for one in data["cycles"]]
     return Specimen(**{**data, "checks": checks, "cycles": cycles})
-
-
-def tables(found: Assessment, hours: Mapping[str, Sequence[HotHours]]) -> dict[str, pa.Table]:
-    """The rows behind the SQL views. `hours`, of each specimen, are not in the answer: they are many."""
-
-    def whose(one: Specimen) -> dict[str, str | None]:
-        return {"specimen": one.specimen, "batch": one.batch}
-
-    rows = {
-        "cycles": [vars(cycle) | whose(one) for one in found.specimens for cycle in one.cycles],
-        "checks": [
-            vars(check) | whose(one) | _ends("equivalent_{}_h", check.equivalent_h) | {"sd_K_per_W": check.sd}
-            for one in found.specimens
-            for check in one.checks
-        ],
-        "specimens": [_specimen_row(one) for one in found.specimens],
-        "batches": [vars(one) for one in found.batches],
-    }
-    return {
-        "hours": _hours_table(found, hours),
-        **{kind: pa.Table.from_pylist(of, schema_of(kind)) for kind, of in rows.items()},
-    }
-
-
-def schema_of(kind: str) -> pa.Schema:
-    """The columns of the table of this kind ("hours", "cycles", ...), as the views read them."""
-    from analytics.columns import AGEING
-
-    types = {"VARCHAR": pa.string(), "BIGINT": pa.int64(), "DOUBLE": pa.float64(), "BOOLEAN": pa.bool_()}
-    return pa.schema([(name, types[said]) for name, said in AGEING[f"ageing_{kind}"].items()])
-
-
-def _hours_table(found: Assessment, hours: Mapping[str, Sequence[HotHours]]) -> pa.Table:
-    """One row for each session and temperature at which it spent any time."""
-    schema, batch = schema_of("hours"), {one.specimen: one.batch for one in found.specimens}
-    parts = [schema.empty_table()]
-    for specimen, sessions in hours.items():
-        for one in sessions:
-            there = one.heat.hours > 0.0
-            said = (specimen, batch.get(specimen), one.session, one.session_name, one.channel)
-            texts = [pa.array([text] * int(there.sum()), pa.string()) for text in said]
-            parts.append(pa.Table.from_arrays([*texts, one.heat.degC[there], one.heat.hours[there]], schema=schema))
-    return pa.concat_tables(parts)
-
-
-def _specimen_row(one: Specimen) -> dict[str, Any]:
-    return (
-        vars(one)
-        | {"checks": len(one.checks)}
-        | _ends("equivalent_{}_h", one.equivalent_h)
-        | _ends("life_used_{}", one.life_used)
-        | _ends("slope_{}", one.ci95)
-        | _ends("remaining_{}_h", one.remaining_h)
-    )
-
-
-def _ends(name: str, ends: Sequence[float | None] | None) -> dict[str, float | None]:
-    """The ends of a range in columns of their own, their names with "low" and "high" in them."""
-    low, high = ends or (None, None)
-    return {name.format("low"): low, name.format("high"): high}

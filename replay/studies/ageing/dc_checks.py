@@ -4,9 +4,10 @@ elsewhere."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,16 +20,20 @@ from ingest.facts.store import Store
 from replay.engine.specimen.heat_history import HoursByTemperature
 
 if TYPE_CHECKING:
+    from duckdb import DuckDBPyConnection
+
     from analytics.insulation.checks.resistance import CheckTrace
 
 Floats = NDArray[np.float64]
 
 LEAST_STEP_S = 1.0
 AMBIENT = "ambient"
+AT_ONCE = 10_000  # rows of a table
+NO_COUNTERS: Mapping[str, float] = MappingProxyType({})
 CURRENTS, VOLTAGES = ("current", "current_dc"), ("voltage", "voltage_dc")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Evaluated:
     """A row of a table: thermal resistance [K/W], dose [h] and ageing temperature [degC], None where it has none.
     `counted`: hours since the motor was made, by temperature, where a vehicle's counters give them; `counters`: what
@@ -40,17 +45,23 @@ class Evaluated:
     dose_h: float | None
     degC: float | None
     counted: HoursByTemperature | None
-    counters: Mapping[str, float] = field(default_factory=dict)
+    counters: Mapping[str, float] = field(default_factory=lambda: NO_COUNTERS)
 
 
 def evaluated(store: Store, facts: Facts, as_of: str | None) -> list[Evaluated]:
     """Every row that holds a thermal resistance or counted hours, in the order of its file."""
     from analytics import warehouse
 
+    bins = {session.session: session.bench for session in facts.sessions}
+    of_bench = {sha: _bins(store, facts, sha) for sha in set(bins.values()) if sha}
+    ids = sorted(bins)  # numbers stand for them: of the rows of a fleet each would hold its own copy of a text
+    found = []
     with warehouse.refresh(store, as_of) as opened:
         rows = opened.connection.execute(
             """
-            SELECT v.session, CASE WHEN s.start IS NOT NULL THEN any_value(v.t_ns) END,
+            WITH named AS (SELECT session, start, row_number() OVER (ORDER BY session) - 1 AS place FROM sessions),
+            filed AS (SELECT file_id, row_number() OVER (ORDER BY file_id) AS place FROM files)
+            SELECT s.place, CASE WHEN s.start IS NOT NULL THEN any_value(v.t_ns) END,
                 any_value(v.value) FILTER (WHERE v.quantity = 'thermal_resistance') AS resistance,
                 max(v.value) FILTER (WHERE v.quantity = 'temperature'),
                 list(v.channel) FILTER (WHERE v.quantity = 'dose'),
@@ -58,28 +69,33 @@ def evaluated(store: Store, facts: Facts, as_of: str | None) -> list[Evaluated]:
                 list(v.channel) FILTER (WHERE v.quantity = 'counter'),
                 list(v.value) FILTER (WHERE v.quantity = 'counter')
             FROM samples AS v
-            JOIN sessions AS s ON s.session = v.session
+            JOIN named AS s ON s.session = v.session
+            JOIN filed AS f ON f.file_id = v.file_id
             WHERE v.quantity IN ('thermal_resistance', 'dose', 'temperature', 'counter') AND v.session IN (
                 SELECT session FROM channels WHERE quantity IN ('thermal_resistance', 'dose') AND role <> 'ignored'
             ) AND (v.session, v.channel) NOT IN (
                 SELECT (session, channel) FROM channels WHERE quantity = 'counter' AND role = 'ignored'
             )
-            GROUP BY v.session, v.file_id, v.record, s.start
-            ORDER BY v.file_id, v.record
+            GROUP BY s.place, f.place, v.record, s.start
+            ORDER BY f.place, v.record
             """
-        ).fetchall()
-    bins = {session.session: session.bench for session in facts.sessions}
-    of_bench = {sha: _bins(store, facts, sha) for sha in set(bins.values()) if sha}
-    found = []
-    for session, t_ns, resistance, degC, channels, values, counters, counts in rows:
-        binned = of_bench.get(bins[session] or "", {})
-        hours = dict(zip(channels or (), values or (), strict=True))
-        dose = next((value for name, value in hours.items() if name not in binned), None)
-        counted = _heat({binned[name]: value for name, value in hours.items() if name in binned})
-        if resistance is not None or counted is not None:
-            others = dict(zip(counters or (), counts or (), strict=True))
-            found.append(Evaluated(session, t_ns, resistance, dose, degC, counted, others))
+        )
+        for place, t_ns, resistance, degC, channels, values, counters, counts in _each(rows):
+            session = ids[place]
+            binned = of_bench.get(bins[session] or "", {})
+            hours = dict(zip(channels or (), values or (), strict=True))
+            dose = next((value for name, value in hours.items() if name not in binned), None)
+            counted = _heat({binned[name]: value for name, value in hours.items() if name in binned})
+            if resistance is not None or counted is not None:
+                others = dict(zip(counters, counts, strict=True)) if counters else NO_COUNTERS
+                found.append(Evaluated(session, t_ns, resistance, dose, degC, counted, others))
     return found
+
+
+def _each(rows: DuckDBPyConnection) -> Iterator[tuple[Any, ...]]:
+    """The rows of an answer, of which only so many are in memory."""
+    while some := rows.fetchmany(AT_ONCE):
+        yield from some
 
 
 def _bins(store: Store, facts: Facts, bench: str) -> Mapping[str, tuple[float, float]]:

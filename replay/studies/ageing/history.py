@@ -28,7 +28,7 @@ from replay.engine.specimen.heat_history import (
 )
 from replay.studies.ageing.assessment import HotHours, OvenCycle
 from replay.studies.ageing.configured_checks import LoggedCheck, evaluate_checks, logged_check
-from replay.studies.ageing.dc_checks import Evaluated, evaluated
+from replay.studies.ageing.dc_checks import NO_COUNTERS, Evaluated, evaluated
 from replay.studies.ageing.discharge import Electrical, discharge_of, electrical_of
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ Tell = Callable[[str], None]
 ELSEWHERE = "evaluated elsewhere"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Point:
     """A check with the dose before it [h] and that dose's `worth` (4,), as `worth_of` says it; both None where they are
     not known, and `why` then. `cycles`: how many oven cycles the specimen had before; `discharge_h`: how many hours its
@@ -55,7 +55,7 @@ class Point:
     why: str | None
     cycles: int | None = None
     discharge_h: float | None = None
-    counters: Mapping[str, float] = field(default_factory=dict)
+    counters: Mapping[str, float] = field(default_factory=lambda: NO_COUNTERS)
 
     @property
     def resistance(self) -> float | None:

@@ -57,6 +57,15 @@ def test_few_checks_borrow_and_have_the_wider_interval() -> None:
     assert few.slope_sd > 1.5 * np.median([life.slope_sd for life in many])
 
 
+def test_a_part_of_the_fleet_at_a_time_says_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    rates, checks = np.linspace(2e-3, 4e-3, 9), np.arange(3, 12)
+    whole = _fleet(rates, checks, 0.03)
+    monkeypatch.setattr("analytics.insulation.fleet.remaining.AT_ONCE", 4)
+    for part, one in zip(_fleet(rates, checks, 0.03), whole, strict=True):
+        assert part.specimen == one.specimen
+        assert part.end_dose_h == pytest.approx(one.end_dose_h, rel=1e-12)
+
+
 def test_ends_lie_in_their_intervals_as_often_as_said() -> None:
     inside, total = 0, 0
     for seed in range(6):

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
 from ingest.catalogue.channels import load
@@ -28,7 +29,7 @@ from replay.cli import main
 from replay.engine.files.configurations import network_of
 from replay.engine.files.models import publish_model
 from replay.engine.frame.frame_of import as_fed, session_frame
-from replay.engine.results.artefacts import read_parquet
+from replay.engine.results.artefacts import read_parquet, to_parquet
 from replay.engine.results.as_json import to_json
 from replay.engine.runs.runs import replay
 from replay.engine.specimen.aged import OfSpecimen, ageing_left_out, hours_of, law_of, of_specimen, states_left
@@ -316,6 +317,22 @@ def test_the_latest_assessment_of_the_specimen_counts(opened: Opened) -> None:
     assert known.of("old", "aged").ageing[0].from_ == list(known.facts.assessments)[-1]
     without = known.with_states(("b", 28.0, None))
     assert without.of("old", "aged").ageing[0].from_ == "law"
+
+
+def test_of_a_fleet_whose_answer_holds_a_part_the_state_is_in_its_table(opened: Opened) -> None:
+    row = {"specimen": "S1", "session": "b", "start_ns": round((MONDAY + timedelta(hours=28)).timestamp() * 1e9)}
+    left = json.dumps(asdict(LEFT))
+    rows = [{**row, "left": None}, {**row, "left": left}, {**row, "specimen": "S2", "left": "{}"}]
+    known = opened.with_states()
+    archive = opened.store.archive
+    answer = json.dumps({"threshold_degC": 180.0, "specimens": [], "whole": {"specimens": 2}}).encode()
+    table = to_parquet(pa.Table.from_pylist(rows))
+    (name, event) = list(known.facts.assessments.items())[-1]
+    event = replace(event, answer=archive.seal(answer), artefacts={"checks": archive.seal(table)})
+    known = replace(known, facts=replace(known.facts, assessments={name: event}))
+    (entry,) = known.of("old", "aged").ageing
+    assert entry.from_ == name
+    assert entry.factor == pytest.approx(onwards(LEFT, entry.dose_h, LAW).factor, abs=1e-9)
 
 
 def test_a_state_of_hours_above_another_temperature_is_not_taken(opened: Opened) -> None:

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
+from ingest.facts.archive import Archive
 from made.ageing import STILL, WORSE, assessment
 from replay.engine.specimen.heat_history import HoursByTemperature
 from replay.show.verbs.ageing import ageing_text, answer
-from replay.studies.ageing.assessment import Batch, HotHours, StressEffect, document, read, tables
+from replay.studies.ageing.assessment import Batch, HotHours, StressEffect, document, read
+from replay.studies.ageing.tables import Tables
 
 
 def test_what_changed_is_said_with_its_size_and_what_did_not_by_name() -> None:
@@ -63,7 +67,7 @@ def test_stresses_are_said_apart_where_they_are_told_apart_and_as_one_or_other_w
     assert "Stress" not in said()
 
 
-def test_an_assessment_survives_its_json_and_its_tables_hold_every_check() -> None:
+def test_an_assessment_survives_its_json_and_its_tables_hold_every_check(tmp_path: Path) -> None:
     found = assessment(WORSE, STILL)
     data = document(found, {})
     assert read(data) == found
@@ -76,7 +80,13 @@ def test_an_assessment_survives_its_json_and_its_tables_hold_every_check() -> No
     hours = HotHours(
         "s", "oven_01", "W", HoursByTemperature(np.array([229.0, 230.0, 231.0]), np.array([1.0, 0.0, 11.0]))
     )
-    made = tables(found, {"S01": [hours]})
+    written = Tables(tmp_path)
+    for one in found.specimens:
+        written.add(one, [hours] if one.specimen == "S01" else [])
+    (tmp_path / "archive").mkdir()
+    archive = Archive(tmp_path / "archive", tmp_path)
+    sealed = written.sealed(archive, found.batches)
+    made = {kind: pq.read_table(archive.path(sha256)) for kind, sha256 in sealed.items()}
     assert made["hours"].column("hours").to_pylist() == [1.0, 11.0]
     assert made["checks"].num_rows == 4
     assert made["checks"].column("equivalent_high_h").to_pylist()[1] == 3900.0

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from analytics import warehouse
 from ingest.facts import facts
 from ingest.facts.store import Store
 from ingest.facts.store_check import damage
@@ -20,6 +21,8 @@ from plant.bare_stator_motor import motor_toml
 from plant.counters import counters, write_counters
 from plant.timeline import Plan
 from replay.cli import main
+from replay.studies.ageing import assess
+from replay.studies.ageing import whole as whole_fleet
 from replay.studies.ageing.assessment import document, read
 
 Capture = pytest.CaptureFixture[str]
@@ -161,6 +164,49 @@ def test_a_bad_batch_is_found_in_a_table_and_nothing_else(tables: Path, capsys: 
     assert (check["from"], check["equivalent_h"]) == ("evaluated elsewhere", None)
     doses = [one["dose_h"] for one in answer["specimens"][0]["checks"]]
     assert doses == sorted(doses)
+
+
+def test_of_a_large_fleet_the_answer_holds_those_that_stand_out_most_and_counts_all(
+    tables: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    whole = _asked(tables / "store")
+    monkeypatch.setattr(assess, "MOST", 10)
+    monkeypatch.setattr(assess, "code_of", lambda _: "another version's")
+    capsys.readouterr()
+    page, store = tables / "page.html", str(tables / "store")
+    assert main(["ageing", "--store", store, "--report", str(page), "--out", str(tables / "fleet.svg")]) == 0
+    assert "\nand 70 more\n" in capsys.readouterr().out
+    answer = _asked(tables / "store")
+    assert answer["whole"] == whole["whole"]
+    assert answer["whole"]["specimens"] == 80
+    assert answer["whole"]["checks"] == sum(len(one["checks"]) for one in whole["specimens"])
+    cells = np.array(answer["whole"]["density"]["checks"])
+    assert 0.9 * answer["whole"]["checks"] < cells.sum() <= answer["whole"]["checks"]
+    held = [one["specimen"] for one in answer["specimens"]]
+    ranked = whole_fleet.rank({one["batch"] for one in whole["fleet"]["outlying_batches"]})
+    every = sorted(whole["specimens"], key=lambda one: ranked(one["outlying"], one["batch"], one["score"]))
+    assert held == [one["specimen"] for one in every[:10]]
+    with warehouse.connect(tables / "store") as connection:
+        assert connection.execute("SELECT count(*) FROM fleet_health").fetchall() == [(80,)]
+        ((checks,),) = connection.execute("SELECT count(*) FROM conductivity_by_cycle").fetchall()
+    assert checks == answer["whole"]["checks"]
+    text = page.read_text(encoding="utf-8")
+    assert "The 10 specimens that stand out most</h2>" in text and "LIMIT 100 OFFSET 100" in text
+    assert f"All 80 specimens: where their {checks:,} checks lie" in text
+
+
+def test_a_density_is_of_a_fleet_whose_courses_cannot_be_told_apart() -> None:
+    names = [f"M{k // 2:02d}" for k in range(2 * whole_fleet.LINES + 2)]
+    dose = np.tile([0.0, 100.0], whole_fleet.LINES + 1)
+    resistance = np.tile([0.02, 0.025], whole_fleet.LINES + 1)
+    found = whole_fleet.density(names, dose, resistance)
+    assert found is not None
+    cells = np.array(found.checks)
+    assert cells[:, 0].sum() == cells[:, -1].sum() == whole_fleet.LINES + 1
+    place = int(np.flatnonzero(cells[:, -1])[0])
+    assert found.percent[place] <= 125.0 <= found.percent[place + 1]
+    assert whole_fleet.density(names[2:], dose[2:], resistance[2:]) is None
+    assert whole_fleet.density(names, np.zeros(len(dose)), resistance) is None
 
 
 COUNTERS = """schema = "whyhot.bench/1"
