@@ -20,6 +20,7 @@ from hashlib import sha256
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
+from uuid import uuid4
 
 import duckdb
 import pyarrow as pa
@@ -45,7 +46,9 @@ VIEWS = (
 MACROS = ("resample", "equivalent_hours", "equivalent_hours_10K", "equivalent_hours_of")
 BUILDING = "warehouse-"  # begins the names of folders in which one is being built
 BLOCK = "16384"  # bytes, the least: the tables are small, and each takes a block at least
-MEMORY = "2GiB"  # a query that needs more is refused with a line
+MEMORY = "2GiB"  # of a query; what cannot be put on disk meanwhile and needs more is refused with a line
+SPILLED = "20GiB"  # on disk, at most
+SPILLING = "whyhot-sql-"  # begins the name of the folder there
 THREADS = 4
 HOUR_S = 3600.0
 
@@ -163,13 +166,16 @@ def fill(
 def confine(connection: duckdb.DuckDBPyConnection) -> None:
     """Let `connection` read the Parquet files of its views and nothing else, for good.
 
-    No other file, no network, no extension, no spilling to disk, no Python variable as a table; memory and threads are
-    limited, and no setting can be changed afterwards.
+    No other file, no network, no extension, no Python variable as a table; memory and threads are limited, and no
+    setting can be changed afterwards. What a sort or a window needs beyond the memory lies in a folder of its own
+    where the system keeps temporary files, made when it is needed and gone when the connection closes.
     """
+    spill = Path(tempfile.gettempdir()).resolve() / f"{SPILLING}{uuid4().hex}"
     found = connection.execute("SELECT file FROM base.groups UNION SELECT file FROM base.artefacts").fetchall()
     paths = ", ".join(scans.text(file) for (file,) in found)
     for setting in (
-        "temp_directory = ''",
+        f"temp_directory = {scans.text(str(spill))}",
+        f"max_temp_directory_size = '{SPILLED}'",
         f"allowed_paths = [{paths}]",
         "enable_external_access = false",
         "autoinstall_known_extensions = false",

@@ -323,7 +323,8 @@ def _make(folder: Path, sessions: int, checks: int) -> Made:
     pq.write_table(_fleet(checks), fleet, compression="zstd", compression_level=1)
     connection = duckdb.connect(":memory:")
     warehouse.fill(connection, _facts(files, fleet))
-    for setting in (f"memory_limit = '{warehouse.MEMORY}'", f"threads = {THREADS}", "temp_directory = ''"):
+    spilled = f"temp_directory = '{folder / 'spilled'}'"
+    for setting in (f"memory_limit = '{warehouse.MEMORY}'", f"threads = {THREADS}", spilled):
         connection.execute(f"SET {setting}")
     return Made(tuple(files), histogram, fleet, connection)
 

@@ -85,7 +85,7 @@ WHERE s.kind = 'ageing'
 ORDER BY s.specimen, s.start, s.name;
 
 COMMENT ON VIEW cycles IS
-    'One row an oven session (kind `ageing`): how long and how hot. A log that holds several thermal cycles is one row with their sum; `whyhot ageing` cuts them apart. Hours are those of the hottest channel of region copper (see `channels`), without any of the specimen''s hottest place; held or stuck samples are not left out. Every step of these channels is put in order, about 100 bytes each: beyond 20 million samples in one query ask `hours_by_temperature`, which has the hours of assessed specimens without a log being read.';
+    'One row an oven session (kind `ageing`): how long and how hot. A log that holds several thermal cycles is one row with their sum; `whyhot ageing` cuts them apart. Hours are those of the hottest channel of region copper (see `channels`), without any of the specimen''s hottest place; held or stuck samples are not left out. Every step of these channels is put in order, about 100 bytes each: beyond 20 million samples in one query they wait on disk, and `hours_by_temperature`, which has the hours of assessed specimens without a log being read, is far faster.';
 COMMENT ON COLUMN cycles.session IS 'Id of the session';
 COMMENT ON COLUMN cycles.name IS 'Name of the session';
 COMMENT ON COLUMN cycles.specimen IS 'Which motor or stator was in the oven';

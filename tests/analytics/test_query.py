@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -182,6 +183,27 @@ def test_a_query_of_brackets_is_refused(connection: duckdb.DuckDBPyConnection, b
     with pytest.raises(AnalyticsError) as caught:
         run(connection, "SELECT " + "(" * brackets + "1" + ")" * brackets)
     assert "\n" not in str(caught.value)
+
+
+SORTED = "SELECT sum(abs(b - a)) > 0 FROM (SELECT a, lead(a) OVER (ORDER BY hash(a)) AS b FROM range(2000000) AS r(a))"
+
+
+def test_what_is_put_in_order_may_be_larger_than_the_memory(
+    store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(warehouse, "MEMORY", "60MiB")
+    place = tmp_path / "temporary"
+    place.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(place))
+    with warehouse.refresh(store) as opened:
+        run(opened.connection, "FROM sessions")
+        assert not list(place.iterdir()), "nothing is written that needs not be"
+        assert run(opened.connection, SORTED).rows == [(True,)]
+        assert [made.name.startswith(warehouse.SPILLING) for made in place.iterdir()] == [True]
+    assert not list(place.iterdir())
+    monkeypatch.setattr(warehouse, "SPILLED", "1MiB")
+    with warehouse.refresh(store) as opened, pytest.raises(QueryError, match=r"needs more memory than .* select fewer"):
+        run(opened.connection, SORTED)
 
 
 def test_too_little_memory_is_one_line(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
