@@ -22,6 +22,7 @@ SEEN_FROM = 133.0  # percent of the first R: below, the criterion is told and no
 MOST_COURSES, COLUMNS = 8, 2
 MOST_ROWS = 60  # specimens in the forest
 DENSITY = 3.0  # inches
+FEWEST = 0.05  # of the fullest column's: where fewer checks lie, they are not made to look like many
 SHADES = (0.02, 0.1, 0.25, 0.5, 0.75)  # of the fullest cell
 DENSITY_NOTE = (
     "The darker, the more of the checks at that dose; the line is their median. The table has a row a column of the "
@@ -98,7 +99,7 @@ def density(found: Assessment) -> Plot | None:
 def draw_density(ax: Axes, density: Density) -> None:
     """Each column of doses in shades of its own fullest cell, as late checks are few, with the median course."""
     checks = np.array(density.checks, np.float64)
-    share = checks / np.maximum(checks.max(axis=0), 1.0)
+    share = checks / np.maximum(checks.max(axis=0), FEWEST * checks.max())
     levels = [*SHADES, 1.01]
     alphas = [shade**0.5 * 0.8 for shade in SHADES]
     cells = (_middles(density.dose_h), _middles(density.percent), share)
