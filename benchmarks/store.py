@@ -28,7 +28,7 @@ import numpy as np
 
 HERE = Path(__file__).parent
 sys.path[:] = [place for place in sys.path if Path(place) != HERE]  # the files here have the names of packages
-sys.path[:0] = [str(HERE.parent)]
+sys.path[:0] = [str(HERE.parent / "tests"), str(HERE.parent)]
 
 from benchmarks import asked
 from ingest.facts import facts

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import os
 import shutil
 from contextlib import suppress
 from functools import cached_property
@@ -27,6 +28,7 @@ SCHEMA = "whyhot.store/1"
 ON_SERVER = "whyhot.store/2"  # of a store whose ledger lies in a server, so that a whyhot that knows none refuses it
 IN_BUCKET = "whyhot.store/3"  # of one whose files lie in a bucket, wherever its ledger does
 MARK = "store.json"
+BEHIND = "behind"  # in a store as it was: the folder of the store that its files are read from
 OURS = {MARK, "archive", "decoded", "tmp", "ledger.lock", "ledger.sqlite", "ledger.index", "ledger.index-new"}
 OURS |= {f"ledger.sqlite-{beside}" for beside in ("shm", "wal", "journal")}  # what SQLite leaves where it was stopped
 
@@ -101,7 +103,10 @@ class Store:
     def files_of(cls, folder: Path) -> Self:
         """The sealed and decoded files alone, for a worker that is given the facts: its machine may see the folder over
         a network, where a ledger that is being written cannot be read."""
-        return cls(folder, None, mark_of(folder), write=False)
+        found = cls(folder, None, mark_of(folder), write=False)
+        if (behind := folder / BEHIND).is_file():
+            found._read_from(cls.files_of(Path(os.fsdecode(behind.read_bytes()))))
+        return found
 
     @property
     def ledger(self) -> Ledger:
@@ -156,7 +161,11 @@ class Store:
         return own if self._behind is None or own.exists() else self._behind.decoded(decode)
 
     def read_behind(self, store: Store) -> None:
-        """From now on read from `store` what files are not here."""
+        """From now on read from `store` what files are not here; so do workers that open this one."""
+        (self.folder / BEHIND).write_bytes(os.fsencode(store.folder.absolute()))
+        self._read_from(store)
+
+    def _read_from(self, store: Store) -> None:
         self._behind, self.archive.behind = store, store.archive
 
     @property
