@@ -46,7 +46,7 @@ ROOT = HERE.parent
 
 
 def main() -> None:
-    parser = asked.parser(__doc__, sessions=(16, 4), seconds=(600, 60), kills=(50, 1), writers=(8, 2), logs=(200, 2))
+    parser = asked.parser(__doc__, sessions=(16, 2), seconds=(600, 60), kills=(50, 1), writers=(8, 2), logs=(200, 2))
     parser.add_argument("--bucket", metavar="URL", help="s3://BUCKET/PREFIX, instead of a server of its own")
     args = parser.parse_args()
     found: dict[str, object] = {}
