@@ -18,6 +18,7 @@ from ingest.facts.chain import Head
 from ingest.facts.events import SignalDatabaseRegistered
 from ingest.facts.store import Store
 from ingest.facts.store_check import check, damage
+from made.killed import ENVIRONMENT
 from made.places import on_disk
 
 
@@ -222,13 +223,14 @@ def test_a_full_disk_keeps_what_was_copied_and_the_next_backup_goes_on(
 
 
 COMMON = """
-import json, os, random, shutil, signal, sys, time
+import json, os, shutil, sys
 from pathlib import Path
 from ingest.facts.backup import backup, restore
 from ingest.facts.events import RawFileSealed
 from ingest.facts.ledger_place import SqliteFile
 from ingest.facts.store import Store
 from ingest.facts.store_check import check
+from made.killed import dies_at, ended, started
 
 here = Path(sys.argv[1])
 folder = here / "store"
@@ -245,34 +247,10 @@ def state(folder):
     with Store.open(folder) as store:
         found = check(store)
         return [one.says for one in found.damages], found.head and found.head.position
-
-def started(work):
-    pid = os.fork()
-    if pid == 0:
-        work()
-        os._exit(0)
-    return pid
-
-def ended(pid):
-    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
 """
 
 AT_EACH_CALL = """
-def dies_at(call, work):
-    # work, killed right before its call-th change of a disk
-    left = [call]
-    def counted(true):
-        def step(*args, **named):
-            left[0] -= 1
-            if left[0] < 0:
-                os.kill(os.getpid(), signal.SIGKILL)
-            return true(*args, **named)
-        return step
-    for name in ("write", "fsync", "replace", "mkdir"):
-        setattr(os, name, counted(getattr(os, name)))
-    SqliteFile.insert = counted(SqliteFile.insert)
-    SqliteFile.disconnect = counted(SqliteFile.disconnect)
-    work()
+CHANGES = [(os, ("write", "fsync", "replace", "mkdir")), (SqliteFile, ("insert", "disconnect"))]
 
 with Store.open(folder, create=True) as store:
     put(store, "first")
@@ -290,7 +268,7 @@ for verb in ("backup", "restore"):
             work = lambda: backup(folder, target)
         else:
             work = lambda: restore(folder, target)
-        code = ended(started(lambda: dies_at(call, work)))
+        code = ended(started(lambda: dies_at(call, work, CHANGES)))
         if code == 0:
             break
         kills += code == -9
@@ -307,7 +285,7 @@ print(json.dumps({"kills": kills, "tries": len(heads), "found": found, "heads": 
 
 def attack(script: str, folder: Path) -> dict[str, Any]:
     command = [sys.executable, "-c", COMMON + script, str(folder)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr
     result: dict[str, Any] = json.loads(done.stdout)
     return result

@@ -20,6 +20,7 @@ from ingest.facts.store import MARK, Store, mark_of
 from ingest.facts.store_check import damage
 from made.events import put
 from made.forged import change
+from made.killed import ENVIRONMENT
 from made.postgres import PostgresServer, why_none
 
 if why := why_none():
@@ -152,36 +153,23 @@ def test_a_writer_that_waited_for_the_move_writes_to_the_new_ledger(
 
 
 KILLED = """
-import json, os, shutil, signal, sys
+import json, os, shutil, sys
 from pathlib import Path
 from ingest.facts.ledger_place import SqliteFile
 from ingest.facts.ledger_server import ServerTable
 from ingest.facts.move import HERE, move
 from ingest.facts.store import Store
 from ingest.facts.store_check import check
+from made.killed import dies_at, ended, started
 
+CHANGES = [(os, ("fsync", "replace", "unlink")), (SqliteFile, ("insert", "disconnect"))]
+CHANGES += [(ServerTable, ("insert", "disconnect", "remove"))]
 here, url = Path(sys.argv[1]), sys.argv[2]
 
 def state(folder):
     with Store.open(folder) as store:
         found = check(store)
         return [one.says for one in found.damages], str(found.head)
-
-def dies_at(call, work):
-    left = [call]
-    def counted(true):
-        def step(*args, **named):
-            left[0] -= 1
-            if left[0] < 0:
-                os.kill(os.getpid(), signal.SIGKILL)
-            return true(*args, **named)
-        return step
-    for name in ("fsync", "replace", "unlink"):
-        setattr(os, name, counted(getattr(os, name)))
-    for kind in (SqliteFile, ServerTable):
-        kind.insert, kind.disconnect = counted(kind.insert), counted(kind.disconnect)
-    ServerTable.remove = counted(ServerTable.remove)
-    work()
 
 kills, found = 0, []
 whole = state(here / "store")
@@ -191,11 +179,7 @@ for to in (url, HERE):
         shutil.copytree(here / "store", folder)
         if to == HERE:
             move(folder, url)
-        pid = os.fork()
-        if pid == 0:
-            dies_at(call, lambda: move(folder, to))
-            os._exit(0)
-        code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+        code = ended(started(lambda: dies_at(call, lambda: move(folder, to), CHANGES)))
         found += [state(folder)] * (state(folder) != whole)
         kills += code == -9
         if "2" in (folder / "store.json").read_text():
@@ -214,7 +198,7 @@ def test_killed_at_each_step_of_a_move_the_store_is_whole_and_moves_again(
     folder: Path, server: PostgresServer, tmp_path: Path
 ) -> None:
     command = [sys.executable, "-c", KILLED, str(tmp_path), server.url]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout)
     assert result["found"] == []

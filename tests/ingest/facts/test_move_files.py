@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -25,10 +24,10 @@ from ingest.intake.intake import redecode, take_in
 from ingest.intake.setup import MotorFile, prepare
 from made.bucket import KEYS, BucketServer
 from made.events import put
-from made.places import ROOT, on_disk
+from made.killed import ENVIRONMENT
+from made.places import on_disk
 from made.tables import ONE_CHANNEL
 
-ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT)}
 LOG = "time,T\n2026-01-01T08:00:00Z,20\n2026-01-01T08:00:01Z,21\n"
 
 
@@ -180,24 +179,15 @@ def test_a_reader_of_before_the_move_is_told_and_not_that_bytes_are_lost(folder:
 
 
 KILLED = """
-import json, os, shutil, signal, sys
+import os, sys
 from pathlib import Path
-from ingest.facts.bucket import ObjectPath, Bucket
-from ingest.facts.move_files import HERE, move_files
+from ingest.facts.bucket import ObjectPath
+from ingest.facts.move_files import move_files
+from made.killed import dies_at
 
 folder, to, call = Path(sys.argv[1]), sys.argv[2], int(sys.argv[3])
-left = [call]
-def counted(true):
-    def step(*args, **named):
-        left[0] -= 1
-        if left[0] < 0:
-            os.kill(os.getpid(), signal.SIGKILL)
-        return true(*args, **named)
-    return step
-for name in ("replace", "unlink", "rmdir"):
-    setattr(os, name, counted(getattr(os, name)))
-ObjectPath._put, ObjectPath.remove = counted(ObjectPath._put), counted(ObjectPath.remove)
-move_files(folder, to)
+changes = [(os, ("replace", "unlink", "rmdir")), (ObjectPath, ("_put", "remove"))]
+dies_at(call, lambda: move_files(folder, to), changes)
 """
 
 

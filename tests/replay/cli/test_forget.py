@@ -19,6 +19,7 @@ from ingest.facts.events import AgeingAssessed, CalibrationCompleted, LogForgott
 from ingest.facts.store import Store
 from ingest.facts.store_check import StoreCheck, check
 from ingest.facts.sweeping import WAREHOUSE
+from made.killed import ENVIRONMENT
 from replay.cli import main
 
 Capture = pytest.CaptureFixture[str]
@@ -249,28 +250,15 @@ def test_the_tables_for_sql_are_those_that_are_removed(tmp_path: Path) -> None:
 
 
 AT_EACH_CHANGE = """
-import json, os, shutil, signal, sys
+import json, os, shutil, sys
 from pathlib import Path
 from ingest.facts.ledger import Ledger
 from ingest.facts.store import Store
 from ingest.facts.store_check import check
 from ingest.intake.retractions import forget
+from made.killed import dies_at, ended, started
 
-CALLS = ("write", "fsync", "replace", "mkdir", "unlink", "rmdir", "chmod")
-
-def dies_at(call, work):
-    left = [call]
-    def counted(true):
-        def step(*args, **named):
-            left[0] -= 1
-            if left[0] < 0:
-                os.kill(os.getpid(), signal.SIGKILL)
-            return true(*args, **named)
-        return step
-    for name in CALLS:
-        setattr(os, name, counted(getattr(os, name)))
-    Ledger._try_insert = counted(Ledger._try_insert)
-    work()
+CHANGES = [(os, ("write", "fsync", "replace", "mkdir", "unlink", "rmdir", "chmod")), (Ledger, ("_try_insert",))]
 
 def forgets(folder):
     with Store.open(folder, write=True) as store:
@@ -291,11 +279,7 @@ codes, seen, wrong = [], set(), []
 for call in range(1000):
     folder = here / f"killed-{call}"
     shutil.copytree(here / "store", folder)
-    pid = os.fork()
-    if pid == 0:
-        dies_at(call, lambda: forgets(folder))
-        os._exit(0)
-    codes.append(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]))
+    codes.append(ended(started(lambda: dies_at(call, lambda: forgets(folder), CHANGES))))
     damages, hints, _ = state(folder)
     wrong += damages
     seen |= {"still here" for one in hints if "is still here, and log b.csv was forgotten on" in one}
@@ -312,7 +296,7 @@ print(json.dumps({"codes": codes, "seen": sorted(seen), "wrong": wrong}))
 def test_killed_before_each_change_of_the_disk_the_store_is_whole_and_the_next_finishes_it(bench: Path) -> None:
     (bench / "store" / "warehouse.duckdb").write_bytes(b"old tables")
     command = [sys.executable, "-c", AT_EACH_CHANGE, str(bench)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout)
     assert result["wrong"] == []
