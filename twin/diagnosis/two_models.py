@@ -133,8 +133,8 @@ def usual_floor(fit: Fit) -> float:
 
 def foreseen(fits: Mapping[str, Fit], proposed: Proposed) -> list[Foreseen]:
     """Every sensor in a test, by each of the models that does not run away in it; [] where all do."""
-    first = next(iter(fits.values())).model
-    test = as_test(first.network, first.tests, proposed)
+    first = next(iter(fits.values()))
+    test = as_test(first.model.network, first.model.tests, proposed)
     read: dict[str, dict[str, Floats]] = {}
     t_s: dict[str, Floats] = {}
     for name, fit in fits.items():
@@ -146,9 +146,8 @@ def foreseen(fits: Mapping[str, Fit], proposed: Proposed) -> list[Foreseen]:
         for one in series:
             read.setdefault(one.channel, {})[name] = -one.y  # the readings of the test are 0
             t_s[one.channel] = one.t_s
-    fit = next(iter(fits.values()))
     return [
-        Foreseen(c.name, c.sensor.label, _floor(fit, c.name, c.sensor.bias_sd), t_s[c.name], read[c.name])
+        Foreseen(c.name, c.sensor.label, _floor(first, c.name, c.sensor.bias_sd), t_s[c.name], read[c.name])
         for c in test.channels
         if c.name in read
     ]

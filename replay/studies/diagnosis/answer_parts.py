@@ -21,7 +21,7 @@ from twin.diagnosis.rounds import EVIDENT, Against, Refit, Round
 from twin.diagnosis.told_apart import separating_test, telling_test, told_apart
 from twin.differences.candidates import Candidate
 from twin.differences.proposals import at_one
-from twin.fitting.actions import Added
+from twin.fitting.actions import Added, HeatTent
 from twin.fitting.fit import Fit
 from twin.fitting.model import Floats, Model
 from twin.fitting.noise import floor_variance
@@ -82,7 +82,7 @@ def named(naming: Naming, refit: Refit, train: Sequence[SessionRecorded], kept: 
     place = place_of(final, refit)
     found = size(final, place, refit.candidate.unit)
     effect_K, node, test, t_s = _largest_effect(final, place)
-    first = _entered(naming, refit.candidate)
+    first = entered(naming, refit.candidate)
     apart = told_apart(first, refit.candidate, naming.log_bf_instead)
     others = [member.candidate for member in apart.others]
     improved = kept is not None and kept.improved and not refit.candidate.repeated
@@ -120,12 +120,13 @@ def named(naming: Naming, refit: Refit, train: Sequence[SessionRecorded], kept: 
 
 def evidence_parts(naming: Naming, refit: Refit) -> EvidenceParts:
     """Where the ln BF of a refitted candidate comes from, families by their names."""
-    base = naming.searched[0].base.model
-    plain, split = Plain(base.network), refit.evidence
-    relieved = dict.fromkeys([*map(plain.group, base.parameters), OTHER_CAUSES], 0.0)
-    for i, value in enumerate(split.relieved.tolist()):
-        healthy = i < len(base.parameters)
-        relieved[plain.group(base.parameters[i]) if healthy else OTHER_CAUSES] += value
+    stated = len(naming.rounds[0].base.model.parameters)
+    others = [one for one in refit.fit.model.parameters if one != refit.parameter]
+    plain, split = Plain(refit.fit.model.network), refit.evidence
+    relieved = dict.fromkeys([*map(plain.group, others[:stated]), OTHER_CAUSES], 0.0)
+    for i, (one, value) in enumerate(zip(others, split.relieved.tolist(), strict=True)):
+        name = plain.group(one) if i < stated or isinstance(one.action, HeatTent) else OTHER_CAUSES
+        relieved[name] = relieved.get(name, 0.0) + value
     told = sorted(relieved.items(), key=lambda one: -one[1])
     return EvidenceParts(
         fit=split.fit,
@@ -148,7 +149,7 @@ def place_of(final: Fit, refit: Refit) -> int:
     return next(i for i, p in enumerate(final.model.parameters) if p == refit.parameter)
 
 
-def _entered(naming: Naming, candidate: Candidate) -> Round:
+def entered(naming: Naming, candidate: Candidate) -> Round:
     """The round in which a term was let in."""
     led = (one for one in naming.searched if (best := one.best) and best.candidate == candidate)
     return next(led, naming.searched[0])

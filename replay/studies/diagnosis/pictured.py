@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from replay.studies.diagnosis.answer import ForeseenTest, LawCourse, Named, SteadyPoint, TwoModels
-from replay.studies.diagnosis.answer_parts import with_unit
+from replay.studies.diagnosis.answer_parts import entered, with_unit
 from replay.studies.diagnosis.question import Campaign
 from replay.studies.diagnosis.search import Found
 from twin.calibration.learned import network_of
 from twin.diagnosis.next_tests import HOUR_S, Proposed, as_test, load_of, menu
-from twin.diagnosis.rounds import Refit, Round
+from twin.diagnosis.rounds import Refit
 from twin.diagnosis.two_models import Foreseen, foreseen
 from twin.fitting.actions import Added, Scale
 from twin.fitting.fit import Fit
@@ -45,9 +45,8 @@ def laws(campaign: Campaign, found: Found, causes: Sequence[Named]) -> list[LawC
         if refit.candidate.cause.kind not in ("loss", "conductance") or not _is_over_speed(refit):
             continue
         cause, places = named[str(refit.candidate.cause)], refit.candidate.places
-        base, extended, *others = (
-            _over(network_of(fit, campaign.monomials), places, sweep) for fit in _models(found, refit).values()
-        )
+        models = _models(found, refit)
+        base, extended, *others = (_over(network_of(fit, campaign.monomials), places, sweep) for fit in models.values())
         low, high = (_moved(refit, cause, extended, end, sweep) for end in cause.ci95)
         courses.append(
             LawCourse(
@@ -61,7 +60,7 @@ def laws(campaign: Campaign, found: Found, causes: Sequence[Named]) -> list[LawC
                 extended=extended.tolist(),
                 low=low.tolist(),
                 high=high.tolist(),
-                rivals=dict(zip(list(_models(found, refit))[2:], (one.tolist() for one in others), strict=True)),
+                rivals=dict(zip(list(models)[2:], (one.tolist() for one in others), strict=True)),
                 trained_rpm=_visited(speeds * scale["speed"], grid * scale["speed"], tests[0].frame.step_s),
             )
         )
@@ -83,8 +82,7 @@ def _models(found: Found, leader: Refit) -> dict[str, Fit]:
 
 def _beside(found: Found, leader: Refit) -> list[Refit]:
     """The other refits of the round that a term led, best first."""
-    led: list[Round] = [r for r in found.naming.rounds if r.best and r.best.candidate == leader.candidate]
-    refits = (led or found.naming.rounds)[0].refits
+    refits = entered(found.naming, leader.candidate).refits
     others = [one for one in refits if one.candidate != leader.candidate]
     return sorted(others, key=lambda one: -one.log_bayes_factor)
 

@@ -56,7 +56,7 @@ def find(campaign: Campaign, model: Model, swaps: list[Swap], kept: list[Test], 
         weakest = min(naming.accepted, key=lambda r: r.log_bayes_factor)
         refused.append((weakest, "it makes the kept sessions worse: form error of the sessions learnt from"))
         naming = _less(naming, weakest)
-        base = _baseline(naming)
+        base = base if naming.accepted else naming.final
     unknown = _unknown(naming)
     if kept and swaps:
         crossed = supposing(Model(campaign.network, campaign.tests, model.parameters, naming.final.model.noise))

@@ -11,9 +11,11 @@ from threadpoolctl import threadpool_limits
 
 from made.motor import SINGLE, every_law, pulses, recorded, rotor_unread
 from replay.engine.results.as_json import from_json, to_json
+from replay.studies.diagnosis import answer_parts
 from replay.studies.diagnosis.answer import EvidenceParts, Unusual
 from replay.studies.diagnosis.answer_parts import OTHER_CAUSES, evidence_parts
 from replay.studies.diagnosis.beyond_usual import beyond_usual
+from twin.diagnosis.free_heats import as_parameters, free_heats
 from twin.diagnosis.in_words import PATHS
 from twin.diagnosis.naming import Naming
 from twin.diagnosis.rounds import Refit, refitted, scored
@@ -120,6 +122,21 @@ def test_what_another_cause_no_longer_has_to_do_is_told_as_that(naming: Naming, 
     parts = evidence_parts(naming, both)
     assert relieved > 0.1
     assert parts.relieved[OTHER_CAUSES] == pytest.approx(relieved)
+
+
+def test_what_a_heat_without_a_name_no_longer_has_to_do_is_told_as_that(
+    naming: Naming, base: Fit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(answer_parts, "WORTH_TELLING", 0.0)
+    tents = as_parameters(base, free_heats(base)[0])
+    with_heat = fit(base.model.plus(tents), np.append(base.beta, np.zeros(len(tents))), NEAR_ENOUGH)
+    first = _refit(with_heat, CANDIDATES[OTHER])
+    both = _refit(first.fit, CANDIDATES[FILM])
+    parts = evidence_parts(naming, both)
+    of_heat = float(both.evidence.relieved[len(base.beta) : -1].sum())
+    assert of_heat != 0.0
+    assert parts.relieved["the heat without a name"] == pytest.approx(of_heat)
+    assert parts.relieved[OTHER_CAUSES] == pytest.approx(float(both.evidence.relieved[-1]))
 
 
 def test_both_are_read_back_from_json_as_they_were(naming: Naming, film: Refit) -> None:
