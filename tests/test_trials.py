@@ -196,6 +196,15 @@ def test_of_many_effects_each_name_and_each_cause_is_counted_once() -> None:
     assert "5.00 -> 0.30 -> 0.20, 2.00 -> 2.00 -> 2.00" in many_table([told])[1]
 
 
+def test_a_search_is_told_apart_from_what_no_search_could_find() -> None:
+    both = _hiding("loss.magnet.speed2", "boundary.coolant.bias")
+    searched_badly = replace(both, truth=30.0, gained=12.0)
+    misled_by_the_data = replace(both, truth=28.0, gained=31.0)
+    found = many([searched_badly, misled_by_the_data, both])[ALL]
+    assert found["truth explains more"] == 1
+    assert [line.split() for line in many_table([searched_badly, both])[-1:]] == [["1", "30.0", "12.0"]]
+
+
 def test_a_gain_is_counted_where_no_sensor_sits_too() -> None:
     better = {"published": 5.0, "recalibrated": 0.5, "extended": 0.2}
     worse = {"published": 5.0, "recalibrated": 1.0, "extended": 1.5}

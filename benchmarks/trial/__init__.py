@@ -2,6 +2,6 @@
 
 `one` is a whole trial. `cases` says what hides in whom, `sizes` how large it is, `campaigns` makes the logs and reads
 them, `visibility` says how well each hidden effect can be seen, `answers` diagnoses, `lost` names the step that lost a
-cause, `inside` holds models against the plant where no sensor sits, `audit` asks how far healthy motors are from their
-priors, `rates` counts and prints.
+cause, `explained` how much the whole truth would explain, `inside` holds models against the plant where no sensor sits,
+`audit` asks how far healthy motors are from their priors, `rates` counts and prints.
 """

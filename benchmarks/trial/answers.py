@@ -12,11 +12,13 @@ from typing import Any
 from benchmarks.trial.audit import Spread, spreads
 from benchmarks.trial.campaigns import Behind
 from benchmarks.trial.cases import Case, Hidden, either_way
+from benchmarks.trial.explained import explained
 from benchmarks.trial.inside import Errors, at_sensors, inside
 from benchmarks.trial.lost import lost_at
 from benchmarks.trial.visibility import VISIBLE, Seen
 from replay.studies.diagnosis.question import Campaign
 from replay.studies.diagnosis.search import find
+from twin.diagnosis.evidence import TOLD_APART
 from twin.diagnosis.naming import Naming
 from twin.diagnosis.rounds import Refit
 from twin.diagnosis.swaps import scan
@@ -35,7 +37,8 @@ class Result:
     of each, what the data cannot tell from it; `refused`: what the kept sessions spoke against; `is_unknown`: a heat of
     any course won; `beside`: one is told beside what is named; `unknown`: ln BF of the best free heat; `linear`: of the
     best candidate before any refit; `leading`: after the first refits; `lost`: cause -> the step that lost it;
-    `sensors`, `nodes`: errors at the kept sensors and where none sits; `audit` of a healthy motor."""
+    `sensors`, `nodes`: errors at the kept sensors and where none sits; `audit` of a healthy motor. Of many effects at
+    once the ln evidence that the model gains by all of them (`truth`) and by what is named (`gained`)."""
 
     case: Case
     hidden: tuple[Seen, ...] = ()
@@ -51,6 +54,8 @@ class Result:
     sensors: Errors = field(default_factory=dict)
     nodes: Errors = field(default_factory=dict)
     audit: Mapping[str, Spread] = field(default_factory=dict)
+    truth: float | None = None
+    gained: float | None = None
     improved: bool = False
     seconds: float = 0.0
     failed: str = ""
@@ -83,6 +88,11 @@ class Result:
         """Of one of the names: the best that it is of any hidden effect, by VERDICTS."""
         found = [judged(name, self.groups.get(name, ()), one.cause) for one in self.hidden]
         return min(found, key=VERDICTS.index, default="wrong")
+
+    @property
+    def is_missed(self) -> bool:
+        """Whether all hidden effects together explain the campaign better than what is named, by ln 20 at least."""
+        return self.truth is not None and self.gained is not None and self.truth - self.gained > TOLD_APART
 
     @property
     def visible(self) -> list[Seen]:
@@ -130,6 +140,10 @@ def tried(case: Case, campaign: Campaign, behind: Behind, hidden: tuple[Seen, ..
         improved=found.kept is not None and found.kept.improved,
         seconds=seconds,
     )
+    if case.kind == "many":
+        causes = [effect.cause for effect in behind.effects]
+        truth, gained = explained(naming, model.parameters, campaign.candidates, causes)
+        result = replace(result, truth=truth, gained=gained)
     missed = [one.cause for one in hidden if not result.is_told(one.cause)]
     return replace(result, lost={cause: lost_at(found, cause, campaign.candidates) for cause in missed})
 

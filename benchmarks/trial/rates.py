@@ -132,6 +132,7 @@ def _several(results: Sequence[Result]) -> dict[str, Any]:
         "other law": names["place"],
         "named falsely": names["wrong"],
         "no answer": sum(bool(r.failed) for r in results),
+        "truth explains more": sum(r.is_missed for r in results),
         "sensors": _errors([r.sensors for r in results]),
         "nodes": _errors([r.nodes for r in results]),
     }
@@ -152,6 +153,7 @@ COLUMNS = {  # of the table: what stands above, and what it counts
     "law": "other law",
     "falsely": "named falsely",
     "failed": "no answer",
+    "missed": "truth explains more",
 }
 
 
@@ -164,7 +166,9 @@ def many_table(results: Sequence[Result]) -> list[str]:
     for name, row in rows.items():
         counts = "".join(f"{row[count]:>8}" for count in COLUMNS.values())
         lines.append(f"{name:<28}{counts}  {_arrow(row['sensors'])}, {_arrow(row['nodes'])}")
-    return lines
+    lines += ["ln evidence that all hidden effects together add, and what is named"]
+    both = [(r.case.seed, r.truth, r.gained) for r in chosen if r.truth is not None and r.gained is not None]
+    return lines + [f"  {seed:<26}{truth:>8.1f}{gained:>8.1f}" for seed, truth, gained in both]
 
 
 def _arrow(errors: dict[str, float | None]) -> str:

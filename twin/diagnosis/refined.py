@@ -39,7 +39,7 @@ def refined(current: Fit, candidates: Sequence[Candidate], stated: Sequence[Para
     tell("fitting the noise")
     current = under_its_noise(current, candidates, ON_THE_WAY)
     tell("fitting the priors of families")
-    current = fit(_with_pooled_priors(_design(current, candidates), stated), current.beta, NEAR_ENOUGH, ON_THE_WAY)
+    current = under_its_priors(current, candidates, stated, ON_THE_WAY)
     tell("fitting the noise")
     return under_its_noise(current, candidates)
 
@@ -48,6 +48,15 @@ def under_its_noise(current: Fit, candidates: Sequence[Candidate], linearisation
     """The fit under noise that is learnt with the parameters and the leading candidates integrated out."""
     noise = _fitted_noise(_design(current, candidates))
     return fit(current.model.with_noise(noise), current.beta, NEAR_ENOUGH, linearisations)
+
+
+def under_its_priors(
+    current: Fit, candidates: Sequence[Candidate], stated: Sequence[Parameter], linearisations: int = LINEARISATIONS
+) -> Fit:
+    """The fit under priors of families that are learnt with the parameters and the leading candidates integrated
+    out; `stated` as in `refined`."""
+    model = _with_pooled_priors(_design(current, candidates), stated)
+    return fit(model, current.beta, NEAR_ENOUGH, linearisations)
 
 
 @dataclass(frozen=True)
