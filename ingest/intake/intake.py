@@ -8,27 +8,24 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Collection, Sequence
-from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
-from ingest.bench.resolving import ResolvedChannel
-from ingest.errors import DamageError, IngestError, UnreadableLogError
+from ingest.errors import IngestError, UnreadableLogError
 from ingest.facts import facts as ledger_facts
 from ingest.facts.durable import sha256_of
-from ingest.facts.events import COUNTS, DecodeCompleted, Event, QualityFlagged, RawFileSealed, SessionRecorded
+from ingest.facts.events import DecodeCompleted, Event, QualityFlagged, RawFileSealed, SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.ledger import settled
 from ingest.facts.sessions import Override
 from ingest.facts.store import Store
-from ingest.formats import Format, recognise
+from ingest.formats import recognise
 from ingest.intake.grouping import group_files
-from ingest.intake.setup import Setup, keep_setup, kept_name, mend_setup, resolved, sealed_setup
+from ingest.intake.making import LogFile, ReadLog, decode_logs, made_in, read_logs
+from ingest.intake.setup import Setup, keep_setup, kept_name, mend_setup, resolved
 from ingest.log import clock, j1939
-from ingest.log.decode import RECORDING, decode_file, identity
-from ingest.log.reading import LogReading, Reader
 from ingest.log.specimens import Specimens
+from ingest.units.each import Workers
 
 
 @dataclass(frozen=True)
@@ -68,18 +65,6 @@ class Intake:
         return [*(one.line for one in self.files if one.line), *self.left]
 
 
-@dataclass(frozen=True)
-class _Read:
-    """A file that was read into the working folder, not yet kept: its recording, or why there is none."""
-
-    path: Path
-    raw: str
-    form: Format
-    recording: Path
-    reading: LogReading | None
-    why: str | None
-
-
 def take_in(
     store: Store,
     paths: Sequence[Path],
@@ -87,64 +72,65 @@ def take_in(
     said: Override,
     tell: Callable[[str], None] = lambda _: None,
     first: Sequence[tuple[str, Event]] = (),
+    workers: Workers | None = None,
 ) -> Intake:
-    """Take log files into the store; `tell` hears what is being done. `first`: facts that the sessions follow from.
+    """Take log files into the store; `tell` hears what is being done. `first`: facts that the sessions follow from;
+    `workers`: where logs are read and decoded (None: in this process).
 
     Raises IngestError before anything is kept; a file that cannot be read is quarantined and does not stop the others.
     """
     known = ledger_facts.at(store.ledger)
     mend_setup(store, known, setup)
-    work = store.work()
+    work = store.work().absolute()
     try:
-        found: list[Taken | _Read] = []
-        with closing(Reader()) as reader:
-            for i, path in enumerate(paths, 1):
-                tell(f"reading {i} of {len(paths)}: {kept_name(path)}, {path.stat().st_size / 1e6:.1f} MB")
-                one = _read(reader, known, path, setup, work, {one.raw for one in found})
-                found.append(one)
-                if isinstance(one, Taken) and one.raw in known.files and store.archive.damage(one.raw):
-                    store.archive.seal(path)  # the true bytes mend what was damaged or lost
+        found: list[Taken | LogFile] = []
+        for path in paths:
+            one = _known(known, path, setup, {one.raw for one in found})
+            found.append(one)
+            if isinstance(one, Taken) and one.raw in known.files and store.archive.damage(one.raw):
+                store.archive.seal(path)  # the true bytes mend what was damaged or lost
+        fresh = read_logs([one for one in found if isinstance(one, LogFile)], setup, work, workers, tell)
         tell("decoding")
-        fresh = [one for one in found if isinstance(one, _Read)]
-        for one in fresh:
-            if one.reading and one.reading.holds == "rows":
-                Specimens(setup.bench, one.reading.columns)  # a column that is not there is refused here
-        read = [(one.raw, one.reading, kept_name(one.path)) for one in fresh if one.reading]
+        read = [(one.log.raw, one.reading, kept_name(one.log.path)) for one in fresh if one.reading]
+        for _, reading, _ in read:
+            if reading.holds == "rows":
+                Specimens(setup.bench, reading.columns)  # a column that is not there is refused here
         specs = resolved(setup, [reading for _, reading, _ in read], [name for *_, name in read], known)
         channels = dict(zip([raw for raw, *_ in read], specs, strict=True))
         again = _again(known, found)
         if fresh or again:
             keep_setup(store, known, setup)
         store.ledger.append_all([(f"file-{raw}", decode) for raw, decode in again.items()])
-        files = [
-            _keep(store, known, one, setup, channels.get(one.raw, ())) if isinstance(one, _Read) else one
-            for one in found
-        ]
+        kept = {
+            one.log.raw: _keep(store, known, one, decode, work)
+            for one, decode in decode_logs(fresh, setup, channels, work, workers)
+        }
+        files = [kept[one.raw] if isinstance(one, LogFile) else one for one in found]
     finally:
         shutil.rmtree(work, ignore_errors=True)
     decodes = {one.raw: one.decode for one in files if one.decode}
     files = [replace(one, decode=decodes.get(one.raw)) for one in files]  # of a copy: that of the first
-    kept = set(decodes)
+    raws = set(decodes)
     flags = [(one.name, flag) for one in files for flag in one.flags]
-    grouped = group_files(store, kept, dict.fromkeys(kept, said) if said != Override() else {}, first)
+    grouped = group_files(store, raws, dict.fromkeys(raws, said) if said != Override() else {}, first)
     now = ledger_facts.at(store.ledger)
-    touched = tuple(now.holding(kept))
+    touched = tuple(now.holding(raws))
     new = {file["raw"] for session in touched if session not in known.sessions for file in session.files}
     return Intake(
         tuple(replace(one, anew=one.known and one.raw in new) for one in files),
         touched,
         (*flags, *grouped.flags),
-        (*grouped.left, *_taken_back(now, kept)),
+        (*grouped.left, *_taken_back(now, raws)),
     )
 
 
-def _taken_back(now: Facts, kept: Collection[str]) -> list[str]:
+def _taken_back(now: Facts, raws: Collection[str]) -> list[str]:
     """A line for each session of these logs that a person took back."""
-    gone = [one for one in now.retractions.values() if any(row["raw"] in kept for row in one.event.rows)]
+    gone = [one for one in now.retractions.values() if any(row["raw"] in raws for row in one.event.rows)]
     return [one.line for one in gone]
 
 
-def _again(known: Facts, found: Sequence[Taken | _Read]) -> dict[str, DecodeCompleted]:
+def _again(known: Facts, found: Sequence[Taken | LogFile]) -> dict[str, DecodeCompleted]:
     """Raw file -> the known decode to go back to: another bench or motor file had followed it."""
     given = {one.raw: one.decode for one in found if isinstance(one, Taken) and one.decode and one.decode.bench}
     decodes = [one for raw in given for one in known.decodes_of(raw)]
@@ -152,115 +138,55 @@ def _again(known: Facts, found: Sequence[Taken | _Read]) -> dict[str, DecodeComp
     return {raw: decode for raw, decode in given.items() if latest.get(raw, decode) != decode}
 
 
-def redecode(store: Store, known: Facts) -> None:
-    """Make recording and samples of every decode again from sealed bytes. Raises DamageError where these changed."""
-    with closing(Reader()) as reader:
-        for decode in known.decodes.values():
-            if decode.outcome != "quarantined":
-                _redecode(reader, store, known, decode)
-
-
-def _redecode(reader: Reader, store: Store, known: Facts, decode: DecodeCompleted) -> None:
-    setup = sealed_setup(store, known, decode)
-    sealed = known.files[decode.raw]
-    work = store.work()
-    try:
-        named = work / sealed.name  # readers know a format by its name
-        try:
-            store.archive.lend(decode.raw, named)
-        except DamageError as error:
-            says = f"{sealed.name}: {error}: what was made from it before is left as it is"
-            raise DamageError(says) from None
-        one = _record(reader, named, decode.raw, recognise(named), setup, work)
-        if one.reading is None:
-            raise IngestError(f"{sealed.name}: could be read when it was ingested, and cannot now: {one.why}")
-        [channels] = resolved(setup, [one.reading], [sealed.name], known)
-        _decode(store, one, one.reading, setup, channels)
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
-
-
-def _read(reader: Reader, known: Facts, path: Path, setup: Setup, work: Path, before: set[str]) -> Taken | _Read:
-    """Read a file into the working folder, unless it is known, a copy of one read `before`, or no log."""
-    size = path.stat().st_size
+def _known(known: Facts, path: Path, setup: Setup, before: set[str]) -> Taken | LogFile:
+    """A file that is known, a copy of one `before` it, or no log; else a log that is to be read."""
+    name, size = kept_name(path), path.stat().st_size
     try:
         form = recognise(path)
     except UnreadableLogError as error:
-        return Taken(kept_name(path), size, None, "", None, known=False, refusal=str(error))
-    raw = sha256_of(path)
-    if back := known.retractions.get(f"file-{raw}"):
-        return Taken(kept_name(path), size, form.holds, raw, None, known=False, refusal=back.line)
-    decode = known.decodes.get(_identity(raw, form, setup)["decode"])
-    if raw in before or (decode and decode.outcome != "quarantined"):
-        return Taken(kept_name(path), size, form.holds, raw, decode, known=True, refusal=None)
-    return _record(reader, path, raw, form, setup, work)
+        return Taken(name, size, None, "", None, known=False, refusal=str(error))
+    log = LogFile(path, sha256_of(path), form)
+    if back := known.retractions.get(f"file-{log.raw}"):
+        return Taken(name, size, form.holds, log.raw, None, known=False, refusal=back.line)
+    decode = known.decodes.get(log.identity(setup)["decode"])
+    if log.raw in before or (decode and decode.outcome != "quarantined"):
+        return Taken(name, size, form.holds, log.raw, decode, known=True, refusal=None)
+    return log
 
 
-def _record(reader: Reader, path: Path, raw: str, form: Format, setup: Setup, work: Path) -> _Read:
-    recording = work / f"{raw}.mcap"
-    try:
-        reading = reader.record(path, recording, setup.time(form), setup.attachments(form))
-        return _Read(path, raw, form, recording, reading, None)
-    except UnreadableLogError as error:
-        return _Read(path, raw, form, recording, None, str(error))
-
-
-def _keep(store: Store, known: Facts, one: _Read, setup: Setup, channels: Sequence[ResolvedChannel]) -> Taken:
+def _keep(store: Store, known: Facts, one: ReadLog, decode: DecodeCompleted, work: Path) -> Taken:
     """Seal the bytes, then the products, then the events that name them."""
-    name, size = kept_name(one.path), one.path.stat().st_size
-    if store.archive.seal(one.path) != one.raw:
+    log = one.log
+    name, size = kept_name(log.path), log.path.stat().st_size
+    if store.archive.seal(log.path) != log.raw:
         raise IngestError(f"{name}: changed while it was read: wait until it is whole, then ingest it again.")
-    decode = _decode(store, one, one.reading, setup, channels) if one.reading else _quarantined(one, setup)
+    if decode.products:
+        store.publish(made_in(work, decode), decode.decode)
     flags = clock.findings(name, decode.settings.get("clock", {}), decode.absolute) + j1939.findings(
         name, decode.settings
     )
 
     def record() -> None:
-        events = _news(ledger_facts.now(store.ledger, known), one, decode, size, flags)
-        store.ledger.append_all([(f"file-{one.raw}", event) for event in events])
+        events = _news(ledger_facts.now(store.ledger, known), log, decode, size, flags)
+        store.ledger.append_all([(f"file-{log.raw}", event) for event in events])
 
     settled(record)
-    return Taken(name, size, one.form.holds, one.raw, decode, known=False, refusal=one.why, flags=tuple(flags))
+    return Taken(name, size, log.form.holds, log.raw, decode, known=False, refusal=one.why, flags=tuple(flags))
 
 
-def _news(known: Facts, one: _Read, decode: DecodeCompleted, size: int, flags: Sequence[QualityFlagged]) -> list[Event]:
+def _news(
+    known: Facts, log: LogFile, decode: DecodeCompleted, size: int, flags: Sequence[QualityFlagged]
+) -> list[Event]:
     """What a log that was decoded adds to the facts; nothing where another program took it in meanwhile."""
-    name = kept_name(one.path)
+    name = kept_name(log.path)
     events: list[Event] = []
-    if one.raw not in known.files or known.files[one.raw].name != name:
-        events.append(RawFileSealed(sha256=one.raw, name=name, size=size, format=one.form.name))
+    if log.raw not in known.files or known.files[log.raw].name != name:
+        events.append(RawFileSealed(sha256=log.raw, name=name, size=size, format=log.form.name))
     before = known.decodes.get(decode.decode)
     if before is None or before.why != decode.why:
         events += [decode, *flags]
     for twin in known.called(name):
-        if one.raw not in known.files:
+        if log.raw not in known.files:
             says = f"{name}: another file of this name was ingested before, with other bytes ({twin.sha256[:12]})"
             events.append(QualityFlagged(flag="same_name_other_bytes", says=says, detail={"other": twin.sha256}))
     return events
-
-
-def _decode(
-    store: Store, one: _Read, reading: LogReading, setup: Setup, channels: Sequence[ResolvedChannel]
-) -> DecodeCompleted:
-    made = one.recording.parent / _identity(one.raw, one.form, setup)["decode"]
-    made.mkdir()
-    one.recording.rename(made / RECORDING)
-    decode = decode_file(reading, one.raw, setup.databases_of(one.form), setup.bench, channels, made, setup.model)
-    store.publish(made, decode.decode)
-    return decode
-
-
-def _identity(raw: str, form: Format, setup: Setup) -> dict[str, Any]:
-    return identity(raw, setup.databases_of(form), setup.bench, setup.model)
-
-
-def _quarantined(one: _Read, setup: Setup) -> DecodeCompleted:
-    return DecodeCompleted(
-        **_identity(one.raw, one.form, setup),
-        outcome="quarantined",
-        why=one.why,
-        absolute=False,
-        start_ns=None,
-        end_ns=None,
-        balance=dict.fromkeys(("found", *COUNTS), 0),
-    )

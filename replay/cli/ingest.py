@@ -5,13 +5,14 @@ from __future__ import annotations
 import argparse
 
 from replay.cli.answer import Answer, provenance, store_folder
-from replay.cli.asked import ask_databases, ask_logs, ask_said
+from replay.cli.asked import ask_databases, ask_logs, ask_said, ask_workers, workers_of
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     ask_logs(parser)
     ask_said(parser)
     ask_databases(parser)
+    ask_workers(parser)
 
 
 def run(args: argparse.Namespace) -> Answer:
@@ -28,10 +29,11 @@ def run(args: argparse.Namespace) -> Answer:
         logs = [*given.logs]
         setup = prepare(logs, args.bench, args.dbc, for_intake)
         with Store.open(store_folder(args), create=True, write=True) as store:
-            intake = take_in(store, logs, setup, Override(args.specimen, args.batch, args.kind), tell)
+            said = Override(args.specimen, args.batch, args.kind)
+            intake = take_in(store, logs, setup, said, tell, workers=workers_of(args))
             store.ledger.seal()
-            said = provenance(store, bench=str(args.bench) if args.bench else None)
-    data = {**intake_json(intake), "skipped": given.skipped, "refused": given.refused, "provenance": said}
+            origin = provenance(store, bench=str(args.bench) if args.bench else None)
+    data = {**intake_json(intake), "skipped": given.skipped, "refused": given.refused, "provenance": origin}
     nothing = not any(one.decode for one in intake.files)
     refusals = [*given.refused, *intake.refusals]
     return Answer(data, "" if nothing else intake_text(intake), 1 if refusals else 0, [*given.skipped, *refusals])

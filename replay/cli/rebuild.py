@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 
 from replay.cli.answer import Answer, provenance, store_folder
+from replay.cli.asked import ask_workers, workers_of
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--verify", action="store_true", help="compare everything with what it was before")
+    ask_workers(parser)
 
 
 def run(args: argparse.Namespace) -> Answer:
     from analytics.rebuild import rebuild
     from ingest.facts.store import Store
-    from ingest.intake.intake import redecode
+    from ingest.intake.making import redecode
 
     with Store.open(store_folder(args), write=True) as store:
-        made = rebuild(store, redecode, verify=args.verify)
+        made = rebuild(store, partial(redecode, workers=workers_of(args)), verify=args.verify)
         done = {"products": made.products, "views": made.views, "differences": list(made.differences)}
         data = {"schema": "whyhot.rebuild/1", **done, "provenance": provenance(store, verify=args.verify)}
     compared = ", each equal to what it was" if args.verify and not made.differences else ""

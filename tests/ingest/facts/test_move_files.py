@@ -20,7 +20,8 @@ from ingest.facts.move_files import HERE, OWNER, move_files
 from ingest.facts.sessions import Override
 from ingest.facts.store import MARK, Store, mark_of
 from ingest.facts.store_check import AGAIN, check, check_without_ledger, damage
-from ingest.intake.intake import redecode, take_in
+from ingest.intake.intake import take_in
+from ingest.intake.making import redecode
 from ingest.intake.setup import MotorFile, prepare
 from made.bucket import KEYS, BucketServer
 from made.events import put

@@ -15,7 +15,8 @@ from ingest.facts import facts
 from ingest.facts.sessions import Override
 from ingest.facts.store import Store
 from ingest.intake.given import opened
-from ingest.intake.intake import redecode, take_in
+from ingest.intake.intake import take_in
+from ingest.intake.making import redecode
 from ingest.intake.setup import MotorFile, prepare
 from made.places import LOGS, ROOT
 

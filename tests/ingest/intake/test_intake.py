@@ -15,7 +15,8 @@ from ingest.facts.facts import Facts
 from ingest.facts.sessions import Override
 from ingest.facts.store import Store
 from ingest.facts.store_check import damage
-from ingest.intake.intake import Intake, redecode, take_in
+from ingest.intake.intake import Intake, take_in
+from ingest.intake.making import redecode
 from ingest.intake.setup import MotorFile, prepare
 from made import can_bench
 

@@ -126,6 +126,20 @@ def test_a_cluster_gives_the_digests_of_this_process_whichever_worker_is_killed(
     killer.join()
 
 
+def test_a_cluster_decodes_logs_as_this_process_does(bench: Path, scheduler: Scheduler, tmp_path: Path) -> None:
+    logs = [str(bench.parent / f"{i}_s1.blf") for i in range(SESSIONS)]
+    words = ["--bench", str(bench.parent / "bench.toml"), "--dbc", str(bench.parent / "bench.dbc")]
+    there = str(tmp_path / "store")
+    assert main(["ingest", *logs, *words, "--scheduler", scheduler.url, "--store", there]) == 0
+    assert main(["rebuild", "--verify", "--scheduler", scheduler.url, "--store", there]) == 0
+    made = []
+    for folder in (bench, Path(there)):
+        with Store.open(folder) as store:
+            made.append({key: one.products for key, one in facts.at(store.ledger).decodes.items()})
+    assert made[0] == made[1]
+    assert len(made[0]) == SESSIONS
+
+
 def test_a_worker_that_does_not_see_the_store_says_so(scheduler: Scheduler, tmp_path: Path) -> None:
     elsewhere: Shared[str] = Shared(tmp_path / ("0" * 64))
     with pytest.raises(StoreError, match=r"^worker on .*: the store must lie in a folder that every worker sees under"):
