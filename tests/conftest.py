@@ -1,5 +1,7 @@
-"""Property tests: the same examples on every machine, and no deadline on a shared one. And which tests come first."""
+"""Property tests: the same examples on every machine, and no deadline on a shared one. Which tests come first, and how
+wide what they print is."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -7,6 +9,8 @@ from hypothesis import settings
 
 settings.register_profile("house", deadline=None, derandomize=True)
 settings.load_profile("house")
+
+os.environ.pop("COLUMNS", None)  # printed text is as wide as it says: here 100, whoever runs the tests
 
 HERE = Path(__file__).parent
 # The one has numba compile what most others call; those beside it meanwhile need nothing compiled.

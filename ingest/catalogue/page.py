@@ -16,6 +16,7 @@ from ingest.texts.plain import plain_line
 
 NONE = "–"
 SHORT = 12  # characters of a hash that are shown
+LEAST = 8  # characters that a text in a table is cut to at most
 
 
 def sessions(answer: Mapping[str, Any], width: int = 100, as_of: str | None = None, of: int = 0) -> str:
@@ -33,7 +34,7 @@ def sessions(answer: Mapping[str, Any], width: int = 100, as_of: str | None = No
     lines = [f"{len(rows)} session{'s' * (len(rows) != 1)}"]
     if of > len(rows):
         lines = [f"{of:,} sessions, the last {len(rows):,}: --last N shows more"]
-    lines += table(head, rows, width, right=(3, 6, 7)) if rows else []
+    lines += table(head, rows, width, right=(2, 3, 6, 7)) if rows else []
     for one in answer["quarantined_files"]:
         lines += _wrap(f"quarantined: {one['why'] or one['file']}", width)
     return "\n".join(
@@ -62,18 +63,29 @@ def render(description: SessionDescription, width: int = 100) -> str:
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], width: int, right: Sequence[int] = ()) -> list[str]:
-    """Rows under a heading, two blanks between columns, those of `right` flush right; too wide ones lose their ends."""
+    """Rows under a heading, two blanks between columns, those of `right` flush right.
+
+    Where that is wider than `width`, texts lose their ends, the first column down to a third of the width; numbers
+    (`right`) never, as part of one is another. Then the last columns are left out, which is said below.
+    """
     cells = [tuple(head), *(tuple(map(plain_line, row)) for row in rows)]
     widths = [max(len(row[i]) for row in cells) for i in range(len(head))]
-    while sum(widths) + 2 * (len(widths) - 1) > width and max(widths) > 6:
-        widths[widths.index(max(widths))] -= 1
-    return [
+    least = [size if i in right else min(size, LEAST if i else max(LEAST, width // 3)) for i, size in enumerate(widths)]
+    while sum(least) + 2 * (len(least) - 1) > width and len(least) > 1:
+        least.pop()
+    widths = widths[: len(least)]
+    while sum(widths) + 2 * (len(widths) - 1) > width and widths != least:
+        loose = [i for i in range(len(widths)) if widths[i] > least[i]]
+        widths[max(loose, key=lambda i: widths[i])] -= 1
+    lines = [
         "  ".join(
             _cut(cell, size).rjust(size) if i in right else _cut(cell, size).ljust(size)
-            for i, (cell, size) in enumerate(zip(row, widths, strict=True))
+            for i, (cell, size) in enumerate(zip(row, widths, strict=False))
         ).rstrip()
         for row in cells
     ]
+    out = [name or "notes" for i, name in enumerate(head) if i >= len(widths) and any(row[i] for row in cells)]
+    return lines + (_wrap(f"not shown, as {width} columns are too few: {', '.join(out)}", width) if out else [])
 
 
 def _session_row(one: Mapping[str, Any]) -> tuple[str, ...]:

@@ -6,8 +6,10 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from ingest.catalogue.page import table
 from replay.show.words import words
 from replay.show.words.terminal import labelled
+from replay.show.words.width import width
 from replay.studies.ageing.assessment import AgeingLaw, Assessment, Batch, LivesLaw, Specimen, StressEffect
 from replay.studies.ageing.whole import rank
 
@@ -107,36 +109,36 @@ def _table(found: Assessment) -> Iterator[str]:
     if len(shown) > ROWS:
         place = rank({one.batch for one in found.batches if one.outlying})
         shown = sorted(shown, key=lambda one: place(one.outlying, one.batch, one.score))[:ROWS]
-    wide = max([8, *(len(one.specimen) for one in shown)])
-    yield (
-        f"{'Specimen':<{wide}}  {'batch':<6}  checks    dose  {'course':<14}{'sure':>5}  {'R per 100 h':>12}  "
-        f"{'conducts':>8}  life used"
-    )
-    for one in shown:
-        last = next((check for check in reversed(one.checks) if check.conductivity_percent is not None), None)
-        yield (
-            f"{one.specimen:<{wide}}  {one.batch or '-':<6}  {len(one.checks):>6}  {hours(one.dose_h):>6}  "
-            f"{one.form.replace('_', ' '):<14}{100 * one.form_probability:>3.0f} %  {_slope(one):>12}  "
-            f"{_percent(last.conductivity_percent if last else None):>8}  {life_used(one)}{_apart(one)}"
-        )
+    head = ("Specimen", "batch", "checks", "dose", "course", "sure", "R per 100 h", "conducts", "life used", "")
+    yield from table(head, map(_specimen_row, shown), width(), right=(2, 3, 5, 6, 7, 8))
     if found.whole.specimens > len(shown):
         yield f"and {found.whole.specimens - len(shown):,} more"
+
+
+def _specimen_row(one: Specimen) -> tuple[str, ...]:
+    last = next((check for check in reversed(one.checks) if check.conductivity_percent is not None), None)
+    course = (one.form.replace("_", " "), f"{100 * one.form_probability:.0f} %", _slope(one))
+    left = (_percent(last.conductivity_percent if last else None), life_used(one), _apart(one))
+    return one.specimen, one.batch or "-", str(len(one.checks)), hours(one.dose_h), *course, *left
 
 
 def _apart(one: Specimen) -> str:
     if not one.outlying:
         return ""
-    return "  stands out" if one.score is None else f"  stands out ({one.score:+.2g} sd)"
+    return "stands out" if one.score is None else f"stands out ({one.score:+.2g} sd)"
 
 
 def _batches(found: Assessment) -> Iterator[str]:
-    yield f"{'Batch':<12}{'specimens':>10}{'R per 100 h':>14}{'above the others':>19}"
-    for one in sorted(found.batches, key=score)[:ROWS]:
-        slope = _percent_per_100h(one.slope_percent_per_100h)
-        above = "-" if one.score is None else f"{one.score:+.1f} sd".replace("-", "−")
-        yield f"{one.batch:<12}{one.specimens:>10}{slope:>14}{above:>19}{'  stands out' if one.outlying else ''}"
+    head = ("Batch", "specimens", "R per 100 h", "above the others", "")
+    yield from table(head, map(_batch_row, sorted(found.batches, key=score)[:ROWS]), width(), right=(1, 2, 3))
     if len(found.batches) > ROWS:
         yield f"and {len(found.batches) - ROWS} more"
+
+
+def _batch_row(one: Batch) -> tuple[str, ...]:
+    above = "-" if one.score is None else f"{one.score:+.1f} sd".replace("-", "−")
+    figures = (str(one.specimens), _percent_per_100h(one.slope_percent_per_100h), above)
+    return one.batch, *figures, "stands out" if one.outlying else ""
 
 
 def _law(law: AgeingLaw) -> str:

@@ -7,8 +7,10 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from ingest.catalogue.page import table
 from replay.show.words import heat_words, words
 from replay.show.words.terminal import labelled
+from replay.show.words.width import width
 from twin.calibration.calibrate import LEFT_FREE
 
 FEW = 8  # names that a person reads
@@ -55,15 +57,15 @@ def _errors(errors: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 
 def _thermometers(errors: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     rows = [(f"{e['session_name']}  {words.name(str(e['node']))} ({e['channel']})", e) for e in errors]
-    width = max((len(label) for label, _ in rows), default=0)
-    yield f"{'Mean error of a replay':<{width}}   {'before':>8}  {'after':>8}   sensor reads too much by"
+    cells = []
     for label, entry in rows:
-        errs = f"{entry['before_K']:>6.2f} K  {entry['after_K']:>6.2f} K"
+        errs = (f"{entry['before_K']:.2f} K", f"{entry['after_K']:.2f} K")
         much = abs(float(entry["bias_K"])) > 2 * float(entry["bias_sd_K"])
         note = f", its bias_sd is {words.kelvin(entry['bias_sd_K'])}" if much else ""
         if entry.get("outliers_s"):  # an older calibration does not say
             note += f"; {entry['outliers_s']:.0f} s left out, it jumped away and back"
-        yield f"{label:<{width}}   {errs}   {words.signed_kelvin(entry['bias_K'])}{note}"
+        cells.append((label, *errs, f"{words.signed_kelvin(entry['bias_K'])}{note}"))
+    yield from table(("Mean error of a replay", "before", "after", "sensor reads too much by"), cells, width(), (1, 2))
 
 
 def _moved(parameters: Sequence[Mapping[str, Any]]) -> Iterator[str]:
@@ -71,14 +73,14 @@ def _moved(parameters: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     if not rows:
         yield from labelled("Moved", "nothing by more than its prior standard deviation")
         return
-    width = max(len(str(p["name"])) for p in rows)
-    units = max(len(str(p["unit"])) for p in rows)
-    yield f"{'Moved beyond its prior sd':<{width}}   {'before':>10}  {'after':>10} {'':<{units}}   1 sd"
-    for p in rows:
-        note = "   at its bound" if p["held"] else ""
-        spread = 100.0 * (math.exp(float(p["sd"])) - 1.0)
-        values = f"{p['before']:>10.5g}  {p['value']:>10.5g} {p['unit']:<{units}}"
-        yield f"{p['name']:<{width}}   {values}   {spread:.1f} %{note}"
+    head = ("Moved beyond its prior sd", "before", "after", "", "1 sd", "")
+    yield from table(head, map(_moved_row, rows), width(), right=(1, 2, 4))
+
+
+def _moved_row(p: Mapping[str, Any]) -> tuple[str, ...]:
+    spread = f"{100.0 * (math.exp(float(p['sd'])) - 1.0):.1f} %"
+    values = (f"{p['before']:.5g}", f"{p['value']:.5g}", str(p["unit"]))
+    return str(p["name"]), *values, spread, "at its bound" if p["held"] else ""
 
 
 def _profile(one: Mapping[str, Any]) -> str:

@@ -11,12 +11,14 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from ingest.catalogue.page import table
 from replay.show.plots.error_maps import LOAD_NAMES
 from replay.show.verbs.intake import session_json
 from replay.show.words import words
 from replay.show.words.figure import KEY_ABOVE, save, style
 from replay.show.words.palette import COLOURS, DASHES, INK, PAPER, SOFT
 from replay.show.words.terminal import labelled
+from replay.show.words.width import width
 from replay.studies.characterise.envelope import DURATIONS_S, Ended, Envelope
 from twin.run.envelope import Border
 
@@ -98,9 +100,12 @@ def duration(seconds: float) -> str:
 
 def _table(found: Envelope) -> Iterator[str]:
     unit = LOAD_NAMES[found.load_column][1]
-    yield f"{unit + ' borne at':<12}" + "".join(f"{duration(s):>21}" for s in DURATIONS_S)
-    for speed, of_speed in zip(found.speeds_rpm, found.borders, strict=True):
-        yield f"{f'{speed:,.0f} rpm':<12}" + "".join(f"{load_says(one):>21}" for one in of_speed)
+    rows = [
+        (f"{speed:,.0f} rpm", *map(load_says, of_speed))
+        for speed, of_speed in zip(found.speeds_rpm, found.borders, strict=True)
+    ]
+    head = (f"{unit} borne at", *map(duration, DURATIONS_S))
+    yield from table(head, rows, width(), right=range(1, len(head)))
     if any(one.node is None for of_speed in found.borders for one in of_speed):
         yield "at least: the most load that was recorded at that speed; no limit is reached there"
     nodes = {one.node for of_speed in found.borders for one in of_speed if one.node}

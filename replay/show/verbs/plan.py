@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Iterator
 from typing import Any
 
+from ingest.catalogue.page import table
 from replay.show.words import words
 from replay.show.words.terminal import labelled
 from replay.show.words.width import width
@@ -128,17 +129,19 @@ def _hidden(found: Planned) -> Iterator[str]:
     if not shown:
         yield "No cause of its usual size stays silent."
         return
-    wide = max(len(str(one.candidate.cause)) for one in shown)
-    yield f"{'May hide: cause':<{wide}}  {'hot spot, usual':>15}  {'shows from':>14}  {'then hot spot':>13}"
-    for one in shown:
-        smallest = f"{words.number(one.smallest or 0.0)} {one.unit}"
-        yield (
-            f"{one.candidate.cause!s:<{wide}}  {words.kelvin(_usual_K(one)):>15}  {smallest:>14}  "
-            f"{words.kelvin(one.hot_spot_K or 0.0):>13}"
-        )
-        if one.alike:
-            also = f"also looks like {words.joined(one.alike[:2])}"
+    head = ("May hide: cause", "hot spot, usual", "shows from", "then hot spot")
+    names, *lines = table(head, map(_hidden_row, shown), width(), right=(1, 2, 3))
+    yield names
+    for i, line in enumerate(lines):
+        yield line
+        if i < len(shown) and shown[i].alike:
+            also = f"also looks like {words.joined(shown[i].alike[:2])}"
             yield from textwrap.wrap(also, width(), initial_indent="  ", subsequent_indent="  ")
+
+
+def _hidden_row(one: Detectable) -> tuple[str, ...]:
+    smallest = f"{words.number(one.smallest or 0.0)} {one.unit}"
+    return str(one.candidate.cause), words.kelvin(_usual_K(one)), smallest, words.kelvin(one.hot_spot_K or 0.0)
 
 
 def _usual_K(one: Detectable) -> float:
@@ -147,7 +150,8 @@ def _usual_K(one: Detectable) -> float:
 
 
 def _chain(found: Planned) -> Iterator[str]:
-    yield f"The next bench day, {words.counted(found.day.weighed, 'test')} weighed; adds: expected information [nat]"
+    head = f"The next bench day, {words.counted(found.day.weighed, 'test')} weighed; adds: expected information [nat]"
+    yield from textwrap.wrap(head, width())
     for number, step in enumerate(found.day.steps, 1):
         head = f"{number}  {step.gain_nat:.3f}  {step.hours:.1f} h  {step.proposed.words}"
         yield from textwrap.wrap(head, width(), subsequent_indent=" " * 15)

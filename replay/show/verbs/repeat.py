@@ -77,7 +77,7 @@ def channel_lines(beside: Comparison, first: str, second: str) -> list[str]:
     """Every channel in both runs, one line each."""
     rows = [channel_row(one) for one in beside.channels[:SHOWN]]
     more = len(beside.channels) - len(rows)
-    lines = table(channel_head(first, second), rows, width(), right=(2, 3, 4, 6))
+    lines = table(channel_head(first, second), rows, width(), right=(2, 3, 4, 5, 6))
     return lines + ([f"and {words.counted(more, 'more channel')} (--json has all)"] if more else [])
 
 

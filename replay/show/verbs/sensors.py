@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import takewhile
+from textwrap import wrap
 from typing import Any
 
+from ingest.catalogue.page import table
 from replay.show.words import words
 from replay.show.words.terminal import labelled
+from replay.show.words.width import width
 from replay.studies.characterise.sensors import LEAST_OTHERS, TOLERATED_K, Worth, student
 
 LEAST_COVERED = 0.9  # coverage of a 95 % band below which it is said to be too narrow
@@ -59,15 +62,13 @@ def answer(found: Worth) -> str:
 
 
 def _table(found: Worth) -> Iterator[str]:
-    width = max(12, *(len(_label(one.channel, one.node)) for one in found.withheld))
-    yield f"{'Withheld':<{width}}  {'mean':>7}  {'worst':>7}  {'open loop':>9}  {'95 % band':>10}   within it"
+    rows = []
     for one in sorted(found.withheld, key=lambda one: -one.mae_K):
         narrow = ": too narrow" if one.covered < LEAST_COVERED else ""
-        yield (
-            f"{_label(one.channel, one.node):<{width}}  {words.kelvin(one.mae_K):>7}  {words.kelvin(one.max_K):>7}  "
-            f"{words.kelvin(one.open_loop_K):>9}  +-{words.kelvin(one.band_K):>8}   {100 * one.covered:.0f} % of "
-            f"{words.counted(one.sessions, 'session')}{narrow}"
-        )
+        errors = [words.kelvin(error) for error in (one.mae_K, one.max_K, one.open_loop_K)]
+        covered = f"{100 * one.covered:.0f} % of {words.counted(one.sessions, 'session')}{narrow}"
+        rows.append((_label(one.channel, one.node), *errors, f"± {words.kelvin(one.band_K)}", covered))
+    yield from table(("Withheld", "mean", "worst", "open loop", "95 % band", "within it"), rows, width(), (1, 2, 3, 4))
 
 
 def band_notes(found: Worth) -> Iterator[str]:
@@ -92,7 +93,7 @@ def _label(channel: str, node: str) -> str:
 
 
 def _order(found: Worth) -> Iterator[str]:
-    yield "Done without one after the other: then the worst mean error of those gone"
+    yield from wrap("Done without one after the other: then the worst mean error of those gone", width())
     for i, one in enumerate(found.order):
         left = len(found.withheld) - 1 - i
         yield f"  {one.channel:<20} {words.kelvin(one.worst_mae_K):>7}   {words.counted(left, 'channel')} left"

@@ -95,5 +95,5 @@ def _verdict(error: ChannelErrors) -> str:
 
 
 def _row(start: str, text: str) -> list[str]:
-    lines = textwrap.wrap(text, max(width() - len(start), 30), break_long_words=False, break_on_hyphens=False)
+    lines = textwrap.wrap(text, max(width() - len(start), 20), break_long_words=False, break_on_hyphens=False)
     return [f"{start if i == 0 else ' ' * len(start)}{line}" for i, line in enumerate(lines)]

@@ -328,6 +328,18 @@ def test_a_table_too_wide_loses_the_ends_of_its_widest_column() -> None:
     assert lines == ["name               x", "a" * 15 + "…   1", "b                 22"]
 
 
+def test_a_table_much_too_wide_cuts_no_number_and_names_the_columns_that_it_leaves_out() -> None:
+    rows = [("magnet", "1,234.5 K", "within it by far", "2025-10-09"), ("b", "2 K", "x", "–")]
+    lines = page.table(("name", "mean", "verdict", ""), rows, width=27, right=(1,))
+    assert lines == [
+        "name         mean  verdict",
+        "magnet  1,234.5 K  within …",
+        "b             2 K  x",
+        "not shown, as 27 columns",
+        "  are too few: notes",
+    ]
+
+
 @pytest.mark.parametrize(("t_ns", "text"), [(T0, "2025-10-09T08:53:20Z"), (T0 + 7_000_000, "2025-10-09T08:53:20.007Z")])
 def test_stamps_are_utc_with_milliseconds_where_needed(t_ns: int, text: str) -> None:
     assert show.iso(t_ns) == text

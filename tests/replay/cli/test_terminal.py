@@ -51,6 +51,16 @@ def test_elsewhere_text_is_100_columns_wide() -> None:
     assert width(StringIO()) == 100
 
 
+@pytest.mark.parametrize(
+    ("asked", "found"), [("60", 60), ("20", 60), ("300", 140), ("0", 100), ("wide", 100), ("", 100)]
+)
+def test_columns_of_the_environment_are_kept_to_in_a_pipe(
+    asked: str, found: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", asked)
+    assert width(StringIO()) == found
+
+
 def test_what_is_wrong_stands_out_on_a_terminal_line_by_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("NO_COLOR", raising=False)
     monkeypatch.setenv("TERM", "xterm")

@@ -46,6 +46,15 @@ def test_the_text_fits_a_terminal_and_a_fleet_is_cut_short(count: int) -> None:
     assert first.startswith(f"M{count - 1:03d}"), "the one that stands out most is first"
 
 
+def test_the_tables_keep_to_a_narrow_page_and_name_what_it_has_no_room_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "60")
+    lines = ageing_text(assessment(WORSE, STILL)).splitlines()
+    assert max(len(line) for line in lines if "whyhot sql" not in line) <= 60
+    row = next(line for line in lines if line.startswith("S01"))
+    assert "+20.4 %" in row and "93 %" in row
+    assert any(line.startswith("not shown, as 60 columns are too few: ") and "life used" in line for line in lines)
+
+
 def test_stresses_are_said_apart_where_they_are_told_apart_and_as_one_or_other_where_not() -> None:
     heat = StressEffect(
         name="heat", unit="100 h above 180 degC", percent=24.0, sd_percent=2.0, not_told_from=["cycles"]
