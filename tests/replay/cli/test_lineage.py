@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from datetime import datetime
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import pytest
+from jsonschema import Draft202012Validator, FormatChecker
 from openlineage.client import facet_v2
 from openlineage.client.event_v2 import InputDataset, Job, OutputDataset, Run, RunEvent, RunState
 from openlineage.client.serde import Serde
+from referencing import Registry, Resource
 
 from made import can_bench
 from replay.cli import main
@@ -102,6 +107,48 @@ def test_what_leads_nowhere_is_one_line(store: Path, capsys: Capture, what: str,
     assert said.err.startswith(line)
 
 
+SCHEMAS = [json.loads(file.read_text("utf-8")) for file in (Path(__file__).parent / "openlineage").glob("*.json")]
+PUBLISHED: Registry[Any] = Registry().with_resources((one["$id"], Resource.from_contents(one)) for one in SCHEMAS)
+FORMATS = FormatChecker(["uuid"])  # and the two that jsonschema checks with other packages only
+
+
+def is_a_time(said: object) -> bool:
+    return datetime.fromisoformat(str(said)).tzinfo is not None
+
+
+def is_an_address(said: object) -> bool:
+    return bool(urlsplit(str(said)).scheme)
+
+
+FORMATS.checks("date-time", raises=ValueError)(is_a_time)
+FORMATS.checks("uri", raises=ValueError)(is_an_address)
+
+
+def against(address: str, said: Any) -> list[str]:
+    """What the published schema at this address has against what is said."""
+    schema = {"$ref": address}
+    return [
+        f"{one.json_path}: {one.message}"
+        for one in Draft202012Validator(schema, registry=PUBLISHED, format_checker=FORMATS).iter_errors(said)
+    ]
+
+
+def facets(said: Any) -> Iterator[dict[str, Any]]:
+    """Every facet of an event, wherever it stands."""
+    if isinstance(said, dict):
+        yield from said.get("facets", {}).values()
+    for one in said.values() if isinstance(said, dict) else said if isinstance(said, list) else ():
+        yield from facets(one)
+
+
+def published_schema_says(event: dict[str, Any]) -> list[str]:
+    """What the schemas that an event and its facets name have against them."""
+    return [
+        *against(event["schemaURL"], event),
+        *(line for one in facets(event) for line in against(one["_schemaURL"], one)),
+    ]
+
+
 FACETS = {  # key -> the type that the client of OpenLineage generates from its schema
     "processing_engine": facet_v2.processing_engine_run.ProcessingEngineRunFacet,
     "documentation": facet_v2.documentation_job.DocumentationJobFacet,
@@ -143,6 +190,7 @@ def test_open_lineage_is_as_its_own_client_would_write_it(store: Path, capsys: C
     decoded, replayed = (json.loads(line) for line in capsys.readouterr().out.splitlines())
     for event in (decoded, replayed):
         assert without_empty(Serde.to_dict(typed(event))) == event
+        assert published_schema_says(event) == []
     assert [one["name"] for one in decoded["inputs"]] == [
         "log/1_s1.blf",
         "signal database/bench.dbc",
@@ -160,3 +208,25 @@ def test_open_lineage_of_a_session_a_log_and_a_model_says_what_each_was_made_of(
         events = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
         assert [one["job"]["name"] for one in events] == jobs
         assert all(without_empty(Serde.to_dict(typed(one))) == one for one in events)
+        assert [line for one in events for line in published_schema_says(one)] == []
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "line"),
+    [
+        (("eventTime",), "yesterday", "$.eventTime: 'yesterday' is not a 'date-time'"),
+        (("run", "runId"), "7", "$.run.runId: '7' is not a 'uuid'"),
+        (("job", "name"), None, "$.job.name: None is not of type 'string'"),
+        (("outputs", 0, "facets", "version", "datasetVersion"), 3, "$.datasetVersion: 3 is not of type 'string'"),
+    ],
+)
+def test_the_published_schema_would_tell(
+    store: Path, capsys: Capture, place: tuple[str | int, ...], value: object, line: str
+) -> None:
+    capsys.readouterr()
+    assert main(["lineage", "1_s1.blf", "--openlineage", "--store", str(store)]) == 0
+    event = changed = json.loads(capsys.readouterr().out)
+    for key in place[:-1]:
+        changed = changed[key]
+    changed[place[-1]] = value
+    assert published_schema_says(event) == [line]
