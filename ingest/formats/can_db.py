@@ -71,7 +71,7 @@ class CanDbLog(Log):
                 one.encode() for one in COLUMNS
             ]:
                 self.settings["table"] = name.decode(errors="replace")
-                return database.execute(f"SELECT {', '.join(COLUMNS)} FROM {quoted}")
+                return database.execute(f"SELECT {', '.join(COLUMNS)}, rowid FROM {quoted}")
         names = {name.decode(errors="replace") for (name,) in tables}
         todo = "mcap convert log.db3 log.mcap" if names >= ROS else "sqlite3 -header -csv FILE 'SELECT * FROM TABLE'"
         raise UnreadableLogError(
@@ -83,18 +83,24 @@ class CanDbLog(Log):
         frames: list[OneFrame] = []
         record: list[int] = []
         for row in rows:
-            frame = self._placed(row)
+            *cells, number = row
+            frame = self._placed(cells)
             if isinstance(frame, OneFrame):
                 frames.append(frame)
                 record.append(self.found)
+                if self.found in self.sought:
+                    self.places[self.found] = self._where(number)
             else:
-                raw = repr(row).encode()[:SHOWN]
-                self.rejected.append(Rejected(self.found, f"row {self.found + 1:,}", frame, raw))
+                raw = repr(tuple(cells)).encode()[:SHOWN]
+                self.rejected.append(Rejected(self.found, self._where(number), frame, raw))
             self.found += 1
         if frames:
             yield as_arrays(frames, record)
 
-    def _placed(self, row: tuple[Any, ...]) -> OneFrame | str:
+    def _where(self, rowid: int) -> str:
+        return f'rowid {rowid} of table "{self.settings["table"]}"'
+
+    def _placed(self, row: list[Any]) -> OneFrame | str:
         """The frame in a row with its time, or why it cannot be read."""
         frame = _frame(*row)
         if isinstance(frame, str) or frame.t_ns >= EARLIEST_NS:

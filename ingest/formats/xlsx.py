@@ -80,7 +80,8 @@ class XlsxLog(CsvLog):
     _sheet: Any = None
 
     def _place(self, line: int) -> str:
-        return f"{self.line} {line:,}"  # of a sheet that is packed, and whose cells are written elsewhere in the file
+        """The row of the sheet: its cells are packed, and written elsewhere in the file."""
+        return f'{self.line} {line:,} of sheet "{self.settings["sheet"]}"'
 
     def batches(self) -> Iterator[Rows]:
         """Rows in the order of the sheet. Raises UnreadableLogError where it holds no table, or python-calamine is

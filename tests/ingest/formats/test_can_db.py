@@ -60,7 +60,7 @@ def test_a_table_of_another_name_is_found_and_said(tmp_path: Path) -> None:
 def test_a_row_that_cannot_be_read_is_rejected_with_its_number(tmp_path: Path, row: tuple[Any, ...], why: str) -> None:
     log, frames = read(log_of(tmp_path, FINE, row, (1.5, 3, 0, 0, 0, 12, bytes(12))))
     assert [(frame[0], frame[3]) for frame in frames] == [(500_000_000, 0), (1_500_000_000, FD)]
-    assert [(one.record, one.where, one.why) for one in log.rejected] == [(1, "row 2", why)]
+    assert [(one.record, one.where, one.why) for one in log.rejected] == [(1, 'rowid 2 of table "messages"', why)]
 
 
 def test_a_database_that_is_cut_keeps_what_comes_before(tmp_path: Path) -> None:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import gzip
 import io
 import re
+import sqlite3
 import struct
 import zlib
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -270,8 +272,64 @@ def test_the_line_and_the_byte_that_are_told_of_a_table_are_the_row(name: str, c
 
 
 def test_the_row_that_is_told_of_a_workbook_is_the_row() -> None:
-    log, _ = read("xlsx")
-    assert log.places and all(re.fullmatch(r"row \d+", place) for place in log.places.values())
+    calamine = pytest.importorskip("python_calamine")
+    log = open_log(LOGS / "sample.xlsx")
+    log.sought = ALL
+    values: dict[int, float] = {}
+    for batch in log.batches():
+        assert isinstance(batch, Rows)
+        values |= dict(zip(batch.record.tolist(), next(iter(batch.columns.values())).tolist(), strict=True))
+    book = calamine.load_workbook(str(log.path))
+    for record, value in values.items():
+        place = re.fullmatch(r'row (\d+) of sheet "(.+)"', log.places[record])
+        assert place
+        row = book.get_sheet_by_name(place[2]).to_python(skip_empty_area=False)[int(place[1]) - 1]
+        german = f"{value:.1f}".replace(".", ",")
+        assert value in row or german in row or np.isnan(value)
+    assert len(values) > 2
+
+
+def test_the_rowid_that_is_told_of_a_database_is_that_of_the_frame(tmp_path: Path) -> None:
+    path = tmp_path / "sample.db"
+    path.write_bytes((LOGS / "sample.can_db").read_bytes())
+    with closing(sqlite3.connect(path)) as database:
+        (table,) = database.execute("SELECT name FROM sqlite_schema WHERE type = 'table'").fetchone()
+        database.execute(f"DELETE FROM {table} WHERE rowid = 2")  # from here on the number of the record is another
+        database.commit()
+        log = open_log(path)
+        log.sought = ALL
+        found = 0
+        for batch in log.batches():
+            assert isinstance(batch, Frames)
+            for i, record in enumerate(batch.record.tolist()):
+                place = re.fullmatch(rf'rowid (\d+) of table "{table}"', log.places[record])
+                assert place
+                (data,) = database.execute(f"SELECT data FROM {table} WHERE rowid = {place[1]}").fetchone()
+                assert (data or b"") == batch.data[batch.offsets[i] : batch.offsets[i + 1]].tobytes()
+                found += int(place[1]) != record + 1
+    assert found > 2
+
+
+def test_the_record_batch_that_is_told_of_an_arrow_row_begins_there_and_holds_it(tmp_path: Path) -> None:
+    parts = [np.array([20.123, 21.456]), np.array([-3.789, 1e6 / 7, 42.5])]
+    schema = pa.schema([("time", pa.timestamp("s")), ("T", pa.float64())])
+    for name, writer_of in (("a.arrow", pa.ipc.new_file), ("a.arrows", pa.ipc.new_stream)):
+        with writer_of(tmp_path / name, schema) as writer:
+            for k, part in enumerate(parts):
+                stamps = pa.array(range(1_700_000_000 + 10 * k, 1_700_000_000 + 10 * k + len(part)), pa.timestamp("s"))
+                writer.write_batch(pa.record_batch([stamps, part], schema=schema))
+        log = open_log(tmp_path / name)
+        log.sought = ALL
+        assert sum(len(batch.record) for batch in log.batches()) == 5
+        data = (tmp_path / name).read_bytes()
+        for record, value in enumerate(np.concatenate(parts)):
+            place = re.fullmatch(r"byte ([0-9,]+), row (\d) of record batch (\d) there", log.places[record])
+            assert place
+            part = parts[int(place[3]) - 1]
+            assert part[int(place[2]) - 1] == value
+            at = number(place[1])
+            assert data[at : at + 4] == b"\xff\xff\xff\xff", "a message of Arrow's"
+            assert part.tobytes() in data[at : at + 500]
 
 
 @pytest.mark.parametrize("path", sorted(LOGS.iterdir()), ids=lambda path: path.suffix[1:])
