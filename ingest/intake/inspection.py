@@ -129,7 +129,10 @@ def _look(reader: Reader, path: Path, folder: Path, said: Setup | None) -> Inspe
         except UnreadableLogError:
             return InspectedFile(path, None, str(error), None, {})
         note = f"{str(error).removeprefix(f'{path.name}: ')} Looked at as one row a second."
-    flags = clock.findings(path.name, stamps.look(recording).counted(), reading.absolute)
+    faults = stamps.look(recording)
+    if faults.span_ns:  # less the stamps that are far off all others
+        reading = replace(reading, start_ns=faults.span_ns[0], end_ns=faults.span_ns[1])
+    flags = clock.findings(path.name, faults.counted(), reading.absolute)
     said_of = tuple(flag.says.removeprefix(f"{path.name}: ") for flag in flags)
     return InspectedFile(path, reading, None, note, _ranges(recording), said_of)
 

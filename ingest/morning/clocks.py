@@ -178,7 +178,8 @@ def _nearest(of_x: _Course, of_y: _Course, part: Array, coarse: float, step: flo
     x = _moving(of_x(wide)[0], step)
     r = correlate(x, y, mode="valid")  # later in `wide` is a smaller lag
     energy = np.convolve(x**2, np.ones(len(y)), "valid")
-    r = r / np.sqrt(np.maximum(energy, 1e-300) * max(float((y**2).sum()), 1e-300))
+    norm = np.sqrt(np.maximum(energy, 0.0) * float((y**2).sum()))
+    r = np.divide(r, norm, out=np.zeros_like(r), where=norm > 0.0)  # where one of both stands still, nothing is told
     best = int(r.argmax())
     if r[best] < CLEAR or best in (0, len(r) - 1):
         return None

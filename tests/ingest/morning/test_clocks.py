@@ -101,6 +101,15 @@ def test_a_hold_and_a_short_time_tell_nothing() -> None:
         align(_first_logger(short, 1), _second_logger(short, 1, 0.0, 0.0, 1.0))
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_stretch_at_rest_tells_no_lag_and_warns_of_nothing() -> None:
+    """Both stand still for more than the first half: no correlation can be said there."""
+    speed = _plateaus(2, 3600)
+    speed[:20_000] = 0.0
+    late = channel("n2", "speed", np.roll(speed, 30), 10.0)
+    assert align(channel("n1", "speed", speed, 10.0), late).offset_s == pytest.approx(3.0, abs=0.1)
+
+
 def test_torque_goes_with_current_and_a_temperature_with_nothing() -> None:
     torque, current = channel("M", "torque", [0, 1]), channel("I", "current", [0, 1])
     warm = channel("T", "temperature", [0, 1])

@@ -47,6 +47,19 @@ def test_the_next_step_follows_from_what_was_given(
     assert last.startswith("next: ") and last.endswith(following)
 
 
+def test_a_stamp_far_off_all_others_is_not_in_the_length_of_a_log(
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    rows = [f"2026-11-23T22:{minute:02}:00,{20 + minute}" for minute in range(60)]
+    rows[30] = "2106-02-07T06:28:15,25.0"
+    Path("a.csv").write_text("\n".join(["time,T", *rows]), encoding="utf-8")
+    assert main(["inspect", "a.csv"]) == 0
+    first, stray, *_ = capsys.readouterr().out.splitlines()
+    assert first == "a.csv   csv   60 rows in 59 min, with absolute time"
+    assert stray == "  1 record with a stamp far off all others (2106-02-07 06:28:15 UTC): left out"
+
+
 def test_a_draft_of_frames_without_a_database_is_refused_in_one_line(logs: Path, capsys: Capture) -> None:
     assert main(["inspect", "a b.asc", "--bench-draft", "new/d.toml", "--json"]) == 1
     printed = capsys.readouterr()
