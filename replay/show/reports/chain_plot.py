@@ -37,8 +37,9 @@ def chain_bars(diagnosis: Diagnosis) -> Plot | None:
 
 def _title(chain: Sequence[ChainStep]) -> str:
     first, last = chain[0], chain[-1]
-    fell = f"{steps.mean_K(first.left_out_mae_K):.1f} to {steps.mean_K(last.left_out_mae_K):.1f} K"
-    return f"Predicted from the others, sessions go from {fell} with {words.counted(last.step, 'term')}"
+    before, after = (f"{steps.mean_K(step.left_out_mae_K):.1f} K" for step in (first, last))
+    model = f"the model with {words.counted(last.step, 'term')} more"
+    return f"A session is {before} off as published, and {after} where {model} learns from the other sessions"
 
 
 def _draw(chain: Sequence[ChainStep]) -> Figure:

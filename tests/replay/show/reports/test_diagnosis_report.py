@@ -409,7 +409,10 @@ def test_all_that_is_beyond_usual_stands_in_the_report_before_the_evidence(tmp_p
 def test_the_chain_falls_step_by_step_in_bars_and_in_a_table() -> None:
     plot = chain_bars(SEVERAL)
     assert plot is not None
-    assert plot.title == "Predicted from the others, sessions go from 9.0 to 0.9 K with 2 terms"
+    assert plot.title == (
+        "A session is 9.0 K off as published, "
+        "and 0.9 K where the model with 2 terms more learns from the other sessions"
+    )
     assert plot.table.rows[0][:3] == ("As published", "–", "–")
     assert plot.table.rows[-1] == ("+ sensor.endwinding_b_outer.gain", "41", "3 of 3", "0.60", "1.20", "0.80", "1.60")
     for text in ("9.00", "5.10", "+ loss.magnet.speed2_current2", ">kept<", ">predicted from the others<"):
