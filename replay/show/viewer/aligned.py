@@ -75,10 +75,14 @@ def _session(to: LayerFile, seen: SessionSeen, zero: int, colour: str) -> None:
     if not seen.last:
         return
     role, run = seen.last
+    observed = {o.node for o in run.observed}
     for i, node in enumerate(run.nodes):
-        says, where_ = f"{name}: {words.name(node)} {seen.label(role)}", path("node", node, name, "model")
-        to.line(where_, says, colour, MODEL_WIDTH, run.t_ns - zero, run.temperatures[:, i])
-    for o in run.observed:
+        if node not in observed:
+            says, where_ = f"{name}: {words.name(node)} {seen.label(role)}", path("node", node, name, "model")
+            to.line(where_, says, colour, MODEL_WIDTH, run.t_ns - zero, run.temperatures[:, i])
+    for o in run.observed:  # what the model says that the sensor would read: measured minus that is the residual
+        says, where_ = f"{name}: {o.channel} {seen.label(role)}", path("node", o.node, name, o.channel, "model")
+        to.line(where_, says, colour, MODEL_WIDTH, o.t_ns - zero, o.modelled)
         residual = np.where(o.used, seen.recorded(o).residual, np.nan)
         to.line(path("residual", o.node, name, o.channel), f"{name} [K]", colour, MODEL_WIDTH, o.t_ns - zero, residual)
 

@@ -266,6 +266,19 @@ def test_aligned_sessions_count_from_their_starts_or_from_where_they_were_driven
     assert starts["test"] == {"one": 0.0, "two": -500.0}
 
 
+def test_aligned_the_model_is_drawn_as_the_sensor_would_read_it(tmp_path: Path) -> None:
+    """A sensor may read otherwise than its node is: the line above and the residual below are of one reading."""
+    pytest.importorskip("rerun")
+    one = seen()
+    assert one.last
+    role, run = one.last
+    moved = replace(run, observed=tuple(replace(o, modelled=o.modelled - 3.0) for o in run.observed))
+    file = aligned.write_aligned([replace(one, runs={role: moved})], "start", tmp_path)
+    o = moved.observed[0]
+    _, drawn = values(file, f"node/{o.node}/{one.session.name}/{o.channel}/model", "Scalars:scalars")
+    assert drawn == pytest.approx(o.modelled)
+
+
 def driven(name: str, later_s: int) -> SessionSeen:
     """A session of an hour in which the same speeds are driven `later_s` after its start."""
     t_s = UTC_NS / 1e9 + np.arange(3600)
