@@ -11,6 +11,7 @@ from ingest.errors import UnknownSessionError
 from ingest.facts.events import InspectionRecorded, RawFileSealed, ReplayCompleted, SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.ledger_row import Recorded
+from ingest.facts.standing import runs
 
 if TYPE_CHECKING:
     from ingest.facts.store import Store
@@ -32,9 +33,16 @@ def rows(store: Store, facts: Facts, recorded: Sequence[Recorded]) -> dict[str, 
         "benches": [{"bench": bench.sha256, "name": bench.name} for bench in facts.benches.values()],
         "sessions": _sessions(facts),
         "session_files": [
-            {"session": session.session, **{key: file[key] for key in ("raw", "decode", "first_record", "last_record")}}
+            {
+                "session": session.session,
+                "raw": file["raw"],
+                "decode": file["decode"],
+                "first_record": first,
+                "last_record": last,
+            }
             for session in facts.sessions
             for file in session.files
+            for first, last in runs(file)
         ],
         "groups": _groups(store, facts, used - gone.decodes.keys()),
         "channels": _channels(facts, used),

@@ -80,6 +80,13 @@ class Bench:
         held = tuple(one for one in self.corrections if one.holds_at(begin))
         return replace(self, channels=tuple(channels), corrections=held, changes=())
 
+    @property
+    def of_checks(self) -> bool:
+        """Whether its tables hold evaluated checks with what was counted until then, and nothing else: each row says
+        all of one check of a specimen."""
+        used = {one.quantity for one in self.channels if one.role != "ignored"}
+        return self.specimen_column is not None and {*EVALUATED} <= used <= {*EVALUATED, "counter"}
+
     def changes_at(self, t_ns: int) -> tuple[BenchChange, ...]:
         """The changes that hold at a moment [ns UTC]."""
         return tuple(one for one in self.changes if one.from_ns <= t_ns)

@@ -246,7 +246,8 @@ def _of_file(
     for source in one.sources:
         group = source.entry["group"]
         record, value = tables[group]["record"], tables[group][source.entry["column"]]
-        kept = (record >= file["first_record"]) & (record <= file["last_record"]) & np.isfinite(value)
+        inside = (record >= file["first_record"]) & (record <= file["last_record"])
+        kept = (np.isin(record, file["rows"]) if "rows" in file else inside) & np.isfinite(value)
         t_ns = one.on_time(group, tables[group]["t_ns"][kept], start_ns)
         if span is not None:
             inside = (t_ns >= span[0]) & (t_ns < span[1])

@@ -49,6 +49,7 @@ class SourceDescription:
     why: str | None
     first_record: int
     last_record: int
+    records: str  # which of its records, in words
     balance: Mapping[str, int]
     unknown_ids: Mapping[str, int]
     rejections: Sequence[Mapping[str, Any]]

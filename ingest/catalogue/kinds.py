@@ -33,6 +33,8 @@ PULSE_s = (5, 120)
 WLTC_MATCH = 0.90  # correlation from which a speed is the trace; an FTP-75 reaches 0.4
 WLTC_TAIL_s = 100  # of the trace's end that a log may lack
 
+EVALUATED = ("dc_check", "holds thermal resistances that were evaluated elsewhere")
+
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
@@ -62,7 +64,7 @@ def recognise(channels: Sequence[ChannelData]) -> tuple[str, str]:
     if checked := [name for name in INSULATION if name in quantities]:
         return "insulation_check", f"holds {', '.join(name.replace('_', ' ') for name in checked)}"
     if "thermal_resistance" in quantities:
-        return "dc_check", "holds thermal resistances that were evaluated elsewhere"
+        return EVALUATED
     if not any(quantities):
         return "other", "nothing says what its signals mean: give it a bench file"
     if (years := _span_s(channels) / YEAR_s) > 1:

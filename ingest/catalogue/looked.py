@@ -22,6 +22,7 @@ from ingest.catalogue.decoded import DecodedFile, decoded_file
 from ingest.catalogue.quality import STUCK_NS, WINDOW_NS, ChannelQuality, Lapse, RepeatedSamples
 from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
+from ingest.facts.standing import runs
 
 if TYPE_CHECKING:
     from ingest.facts.store import Store
@@ -61,7 +62,7 @@ def is_long(facts: Facts, session: SessionRecorded) -> bool:
 
 
 def _values(facts: Facts, file: Mapping[str, Any]) -> int:
-    records = file["last_record"] - file["first_record"] + 1
+    records = sum(last - first + 1 for first, last in runs(file))
     return sum(
         min(int(group["rows"]), records) * len(group["columns"]) for group in facts.decodes[file["decode"]].groups
     )

@@ -110,7 +110,7 @@ def _sources(one: SessionDescription) -> list[str]:
         counts = " · ".join(f"{key.replace('_', ' ')} {source.balance.get(key, 0):,}" for key in COUNTS)
         holds = "balance holds" if source.holds else "BALANCE DOES NOT HOLD"
         whole = (source.first_record, source.last_record) == (0, max(source.balance.get("found", 0) - 1, 0))
-        rows = "" if whole else f", records {source.first_record:,} to {source.last_record:,}"
+        rows = "" if whole else f", {source.records}"
         lines.append(
             f"{source.file}   {source.balance.get('found', 0):,} records{rows}   sealed {source.sha256[:SHORT]}"
         )

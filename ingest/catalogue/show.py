@@ -13,6 +13,7 @@ from ingest.catalogue.looked import Looked, look
 from ingest.catalogue.quality import ChannelQuality
 from ingest.facts.events import COUNTS, SessionRecorded
 from ingest.facts.facts import Facts
+from ingest.facts.standing import records
 
 if TYPE_CHECKING:
     from ingest.facts.store import Store
@@ -113,6 +114,7 @@ def _source(facts: Facts, file: Mapping[str, Any]) -> SourceDescription:
         why=decode.why,
         first_record=file["first_record"],
         last_record=file["last_record"],
+        records=records(file),
         balance=decode.balance,
         unknown_ids=decode.unknown_ids,
         rejections=decode.rejections,

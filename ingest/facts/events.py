@@ -101,7 +101,8 @@ class DecodeCompleted(Event):
 
 
 class SessionRecorded(Event):
-    """`session-<id>`: these files are one test. `files`: [{raw, decode, first_record, last_record}]."""
+    """`session-<id>`: these files are one test. `files`: [{raw, decode, first_record, last_record}], of the checks of a
+    table with the `rows` between these that are of this specimen."""
 
     session: str
     name: str

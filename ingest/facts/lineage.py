@@ -25,6 +25,7 @@ from ingest.facts.events import (
 )
 from ingest.facts.facts import Facts
 from ingest.facts.ledger_row import Recorded
+from ingest.facts.standing import records
 
 SHORT = 12
 ID: dict[type[Event], str] = {  # the field that links name an event by
@@ -134,9 +135,10 @@ class Chains:
         databases = [self.facts.databases[sha256] for sha256 in decode.databases]
         words = ["whyhot", "ingest", sealed.name, *(["--bench", bench.name] if bench else [])]
         words += [word for database in databases for word in ("--dbc", database.name)]
-        rows = f"records {file['first_record']:,} to {file['last_record']:,}"
         links = [
-            self._link("log", RawFileSealed, sealed.sha256, f"{sealed.name}, {sealed.size:,} bytes, {rows}", words)
+            self._link(
+                "log", RawFileSealed, sealed.sha256, f"{sealed.name}, {sealed.size:,} bytes, {records(file)}", words
+            )
         ]
         if correction := self.last.get((LogCorrected, sealed.sha256)):
             event = correction.event

@@ -2,8 +2,9 @@
 
 Files of one bench file and specimen with absolute time, that overlap or follow each other within `join_gap_s`, are one
 session; a file without absolute time is one by itself, and so is a file without a bench file: nothing says then what it
-belongs to. A table with `specimen_column` holds one session for each run of rows of one specimen. A file that holds
-nothing readable belongs to no session.
+belongs to. A table with `specimen_column` holds one session for each run of rows of one specimen; where each row is a
+check (`Bench.of_checks`) one for each specimen, wherever its rows stand. A file that holds nothing readable belongs to
+no session.
 """
 
 from __future__ import annotations
@@ -11,9 +12,12 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections import defaultdict
+from bisect import bisect_left, bisect_right
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -21,7 +25,7 @@ from numpy.typing import NDArray
 
 from ingest.bench.bench_file import Bench
 from ingest.facts.events import DecodeCompleted, SessionRecorded, SessionRegrouped
-from ingest.facts.standing import RowsOfLog
+from ingest.facts.standing import RowsOfLog, runs, runs_of
 
 ID_LENGTH = 16  # hexadecimal characters, 64 bits: two of a million sessions share one with a chance of 3e-8
 SECOND_NS = 1_000_000_000
@@ -51,6 +55,12 @@ class _Part:
     absolute: bool
     start_ns: int
     end_ns: int
+    rows: tuple[int, ...] = ()  # of a table of evaluated checks: its records, which need not follow each other
+
+    @property
+    def runs(self) -> list[tuple[int, int]]:
+        """First and last of the records that follow each other."""
+        return runs_of(self.rows) if self.rows else [(self.first, self.last)]
 
     @property
     def place(self) -> tuple[int, int, str, int]:
@@ -70,28 +80,37 @@ def order(session: SessionRecorded) -> tuple[Any, ...]:
     return (not session.absolute, start, natural(session.name), session.start_ns, session.session)
 
 
+Label = tuple[str | None, str | None]  # specimen and batch
+
+
 def parts(
     record: NDArray[np.int64],
     t_ns: NDArray[np.int64],
-    specimens: Sequence[str | None],
-    batches: Sequence[str | None],
+    which: NDArray[np.int64],
+    labels: Sequence[Label],
+    of_checks: bool = False,
 ) -> list[dict[str, Any]]:
     """The runs of rows of one specimen and batch in a table: the `parts` of its `DecodeCompleted`.
 
-    `record`, `t_ns` [ns] (N,) in the order of the file; `specimens`, `batches`: N texts, None without such a column.
+    `record`, `t_ns` [ns], `which` (N,) in the order of the file; `which` is the place of each row's specimen and batch
+    (None without such a column) in `labels`. `of_checks`: all rows of one specimen and batch together, whose records
+    are listed then as `rows`.
     """
-    labels = list(zip(specimens, batches, strict=True))
-    starts = [i for i in range(len(labels)) if i == 0 or labels[i] != labels[i - 1]]
+    order = np.argsort(which, kind="stable") if of_checks else np.arange(len(which))
+    starts = np.flatnonzero(np.diff(which[order], prepend=-1))
+    cuts = [*starts.tolist(), len(which)]
     return [
         {
-            "first_record": int(record[a]),
-            "last_record": int(record[b - 1]),
-            "start_ns": int(t_ns[a:b].min()),
-            "end_ns": int(t_ns[a:b].max()),
-            "specimen": labels[a][0],
-            "batch": labels[a][1],
+            "first_record": int(record[own[0]]),
+            "last_record": int(record[own[-1]]),
+            "start_ns": int(t_ns[own].min()),
+            "end_ns": int(t_ns[own].max()),
+            "specimen": specimen,
+            "batch": batch,
         }
-        for a, b in zip(starts, [*starts[1:], len(labels)], strict=True)
+        | ({"rows": record[own].tolist()} if of_checks else {})
+        for own in (order[a:b] for a, b in pairwise(cuts))
+        for specimen, batch in (labels[int(which[own[0]])],)
     ]
 
 
@@ -119,7 +138,7 @@ def group(
     overrides = overrides or {}
     versions, place = _versions(decodes), {decode.decode: k for k, decode in enumerate(decodes)}
     every = [part for raw in versions for part in _parts(versions[raw], benches, overrides.get(raw, Override()))]
-    whole = [one for one in every if not any(rows.hold(one.raw, one.first, one.last) for rows in gone)]
+    whole = [one for one in every if not any(rows.hold(one.raw, *run) for rows in gone for run in one.runs)]
     sets = _join(whole, versions, benches)
     sessions = [_session(members, versions, place, benches, names, overrides) for members in sets]
     return sorted(sessions, key=order)
@@ -130,14 +149,14 @@ def regroup(old: Sequence[SessionRecorded], new: Sequence[SessionRecorded]) -> l
 
     A session whose files and decodes are as before keeps the kind that was recognised in them.
     """
-    before = {session.session: session for session in old}
+    before, heir_of = {session.session: session for session in old}, _Heirs(new).of
     now = [_with_known_kind(session, before.get(session.session)) for session in new]
     events: list[SessionRecorded | SessionRegrouped] = [
         session for session in now if before.get(session.session) != session
     ]
     ids = {session.session for session in now}
     for session in old:
-        if session.session not in ids and (heir := _heir(session, now)):
+        if session.session not in ids and (heir := heir_of(session)):
             events.append(SessionRegrouped(session=session.session, into=heir.session, why=_why(session, heir)))
     return events
 
@@ -148,10 +167,11 @@ def overrides_of(
     """What was said on the command line for these sessions' files: what differs from their bench file, and from the
     columns of the file that it names. Of a file that was in several, the last tells."""
     found: dict[str, Override] = {}
+    parts_in = lru_cache(lambda decode: _Parts.of(decodes.get(decode)))  # of a fleet's table it is asked for each motor
     for session in sessions:
         bench = benches.get(session.bench or "", Bench(sha256="", name=""))
         for file in session.files:
-            rows = [row for row in _rows_of(decodes.get(file["decode"])) if _holds(file, row)]
+            rows = parts_in(file["decode"]).within(file)
             specimens = {row["specimen"] for row in rows} if bench.specimen_column else {bench.specimen}
             batches = {row["batch"] for row in rows} if bench.batch_column else {bench.batch}
             found[file["raw"]] = Override(
@@ -162,12 +182,24 @@ def overrides_of(
     return {raw: said for raw, said in found.items() if said != Override()}
 
 
-def _rows_of(decode: DecodeCompleted | None) -> list[dict[str, Any]]:
-    return decode.parts if decode else []
+@dataclass(frozen=True)
+class _Parts:
+    """The parts of a decode in the order of their first records."""
 
+    parts: list[dict[str, Any]]
+    first: list[int]
 
-def _holds(file: Mapping[str, Any], row: Mapping[str, Any]) -> bool:
-    return bool(file["first_record"] <= row["first_record"] and row["last_record"] <= file["last_record"])
+    @classmethod
+    def of(cls, decode: DecodeCompleted | None) -> _Parts:
+        parts = sorted(decode.parts if decode else [], key=lambda one: int(one["first_record"]))
+        return cls(parts, [one["first_record"] for one in parts])
+
+    def within(self, file: Mapping[str, Any]) -> list[dict[str, Any]]:
+        """Those that an entry of `SessionRecorded.files` holds."""
+        at, end = (bisect_left(self.first, record) for record in (file["first_record"], file["last_record"] + 1))
+        if "rows" in file:
+            return self.parts[at : at + 1]
+        return [one for one in self.parts[at:end] if one["last_record"] <= file["last_record"]]
 
 
 def _versions(decodes: Sequence[DecodeCompleted]) -> dict[str, list[DecodeCompleted]]:
@@ -200,6 +232,7 @@ def _parts(versions: list[DecodeCompleted], benches: Mapping[str, Bench], said: 
             absolute=decode.absolute,
             start_ns=row["start_ns"],
             end_ns=row["end_ns"],
+            rows=tuple(row.get("rows", ())),
         )
         for row in rows
     ]
@@ -209,7 +242,7 @@ def _join(
     whole: list[_Part], versions: Mapping[str, list[DecodeCompleted]], benches: Mapping[str, Bench]
 ) -> list[list[_Part]]:
     """Connected parts, none from before and after a change of the bench. Two that are one session under any bench file
-    stay one: a new version never parts them."""
+    stay one: a new version never parts them. Checks of a table are joined with nothing: they lie years apart."""
     head = {part: part for part in whole}
 
     def root(part: _Part) -> _Part:
@@ -219,7 +252,7 @@ def _join(
 
     lines: dict[tuple[str, str | None, int], list[_Part]] = defaultdict(list)
     for part in whole:
-        if part.absolute:
+        if part.absolute and not part.rows:
             for sha in {decode.bench for decode in versions[part.raw] if decode.bench in benches}:
                 changes = benches[str(sha)].changes_at(part.start_ns)
                 lines[str(sha), part.specimen, len(changes)].append(part)
@@ -246,9 +279,10 @@ def _session(
     raws = list(dict.fromkeys(part.raw for part in members))
     sha, model = _version_of([decode for raw in raws for decode in versions[raw] if decode.bench in benches], place)
     bench = benches.get(sha or "", Bench(sha256="", name=""))
+    rows = [(part.raw, *run) for part in members if not part.whole for run in part.runs]
     kind = next((said.kind for raw in raws if (said := overrides.get(raw)) and said.kind), None)
     return SessionRecorded(
-        session=session_id(raws, members[0].specimen, [(p.raw, p.first, p.last) for p in members if not p.whole]),
+        session=session_id(raws, members[0].specimen, rows),
         name=names[raws[0]].split(".")[0],
         kind=kind or bench.kind or "",
         kind_why=BY_FLAG if kind else BY_BENCH if bench.kind else "",
@@ -281,7 +315,8 @@ def _version_of(decodes: Iterable[DecodeCompleted], place: Mapping[str, int]) ->
 
 def _file(part: _Part, versions: list[DecodeCompleted], version: _Version) -> dict[str, Any]:
     decode = next((one for one in reversed(versions) if (one.bench, one.model) == version), versions[-1])
-    return {"raw": part.raw, "decode": decode.decode, "first_record": part.first, "last_record": part.last}
+    file = {"raw": part.raw, "decode": decode.decode, "first_record": part.first, "last_record": part.last}
+    return file | ({"rows": list(part.rows)} if part.rows else {})
 
 
 def _with_known_kind(session: SessionRecorded, before: SessionRecorded | None) -> SessionRecorded:
@@ -290,12 +325,33 @@ def _with_known_kind(session: SessionRecorded, before: SessionRecorded | None) -
     return replace(session, kind=before.kind, kind_why=before.kind_why)
 
 
-def _heir(session: SessionRecorded, now: Sequence[SessionRecorded]) -> SessionRecorded | None:
-    """The session that holds most of this one's files; the first of equals."""
-    raws = {file["raw"] for file in session.files}
-    shared = [(sum(file["raw"] in raws for file in one.files), one) for one in now]
-    most, heir = max(shared, key=lambda pair: pair[0], default=(0, None))
-    return heir if most else None
+class _Heirs:
+    """Which of the sessions `now` takes the place of one that is no more."""
+
+    def __init__(self, now: Sequence[SessionRecorded]) -> None:
+        self._now = now
+        self._holding: dict[str, list[tuple[int, int]]] = defaultdict(list)  # log -> first records and places in `now`
+        for place, session in enumerate(now):
+            for file in session.files:
+                self._holding[file["raw"]] += [(first, place) for first, _ in runs(file)]
+        self._places = {raw: {place for _, place in held} for raw, held in self._holding.items()}
+        for held in self._holding.values():
+            held.sort()
+
+    def of(self, session: SessionRecorded) -> SessionRecorded | None:
+        """The session that holds most of this one's files, of a table with many the one with its first row; the first
+        of equals."""
+        found = Counter(place for file in session.files for place in self._with(file))
+        return self._now[max(found, key=lambda place: (found[place], -place))] if found else None
+
+    def _with(self, file: Mapping[str, Any]) -> set[int]:
+        """Those with records of this file: where several have some, the one whose run the first record falls into."""
+        places = self._places.get(file["raw"], set())
+        if len(places) < 2:
+            return places
+        held = self._holding[file["raw"]]
+        at = bisect_right(held, (file["first_record"], len(self._now)))
+        return {held[max(at - 1, 0)][1]}
 
 
 def _why(old: SessionRecorded, new: SessionRecorded) -> str:

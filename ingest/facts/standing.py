@@ -34,6 +34,28 @@ class RowsOfLog(NamedTuple):
         return raw == self.raw and self.first <= first and last <= self.last
 
 
+def runs(file: Mapping[str, Any]) -> list[tuple[int, int]]:
+    """First and last record of each run of records that an entry of `SessionRecorded.files` holds."""
+    return runs_of(file["rows"]) if "rows" in file else [(file["first_record"], file["last_record"])]
+
+
+def records(file: Mapping[str, Any]) -> str:
+    """The same in words: "records 0 to 1,199", "20 of the records 12 to 1,987"."""
+    span = f"records {file['first_record']:,} to {file['last_record']:,}"
+    return f"{len(file['rows']):,} of the {span}" if len(runs(file)) > 1 else span
+
+
+def runs_of(records: Sequence[int]) -> list[tuple[int, int]]:
+    """First and last of those of these rising records that follow each other."""
+    found: list[list[int]] = []
+    for record in records:
+        if found and record == found[-1][1] + 1:
+            found[-1][1] = record
+        else:
+            found.append([record, record])
+    return [(first, last) for first, last in found]
+
+
 @dataclass(frozen=True)
 class Retraction:
     """What was taken back, and when; `forgotten` where it is a log that had to go for good, with the time of that."""
@@ -114,9 +136,8 @@ def whole(raw: str) -> dict[str, Any]:
 
 def holds(session: SessionRecorded, gone: Iterable[RowsOfLog]) -> bool:
     """Whether a session holds rows that were taken back."""
-    return any(
-        rows.hold(file["raw"], file["first_record"], file["last_record"]) for rows in gone for file in session.files
-    )
+    held = [(file["raw"], *run) for file in session.files for run in runs(file)]
+    return any(rows.hold(*one) for rows in gone for one in held)
 
 
 def _retractions(events: Iterable[Recorded]) -> dict[str, Retraction]:

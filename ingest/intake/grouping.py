@@ -79,9 +79,10 @@ def _group(
                 grouped.left.append(f"session {event.name}: is left for the next ingest: {seen}")
                 continue
             if not event.kind:
-                kind, why = kinds.recognise(seen.channels)
-                event = replace(event, kind=kind, kind_why=why)
+                event = _of_kind(event, kinds.recognise(seen.channels))
             found += quality.findings(seen.qualities)
+        elif not event.kind:
+            event = _of_kind(event, kinds.EVALUATED)
         stream = f"session-{event.session}"
         events += [(stream, event), *((stream, flag) for flag in found)]
         grouped.flags += [(event.name, flag) for flag in found]
@@ -143,13 +144,22 @@ def _looked(store: Store, known: Facts, read: Sequence[SessionRecorded]) -> Iter
             yield error
 
 
+def _of_kind(session: SessionRecorded, kind: tuple[str, str]) -> SessionRecorded:
+    return replace(session, kind=kind[0], kind_why=kind[1])
+
+
 def _is_read(session: SessionRecorded) -> bool:
-    """Whether a session's samples must be read: nobody gave its kind, or it is no short one."""
+    """Whether a session's samples must be read: nobody gave its kind, or it is no short one. Checks of a table say all
+    without."""
+    if any("rows" in one for one in session.files):
+        return False
     return not session.kind or sum(one["last_record"] - one["first_record"] + 1 for one in session.files) > FEW_RECORDS
 
 
 def _overlaps(known: Facts, session: SessionRecorded) -> list[QualityFlagged]:
     """Files of a session that hold the same channels at the same time: a copy, or the same test logged twice."""
+    if len(session.files) < 2:
+        return []
     decodes = [known.decodes[file["decode"]] for file in session.files]
     flags = []
     for a, b in combinations(decodes, 2):

@@ -15,7 +15,7 @@ from ingest.facts.cited import forgotten
 from ingest.facts.events import Event, FactReinstated, FactRetracted, LogForgotten, RawFileSealed
 from ingest.facts.facts import Facts
 from ingest.facts.named import NamedFact, find, find_log, find_retracted
-from ingest.facts.standing import whole
+from ingest.facts.standing import runs, whole
 from ingest.facts.store import Store
 from ingest.facts.sweeping import Swept, sweep
 from ingest.intake.attachments import in_words
@@ -99,8 +99,8 @@ def _rows(facts: Facts, one: NamedFact) -> list[dict[str, Any]]:
     if one.kind == "log":
         return [whole(one.key)]
     if one.kind == "session":
-        files = facts.session(one.key).files
-        return [{key: file[key] for key in ("raw", "first_record", "last_record")} for file in files]
+        held = [(file["raw"], run) for file in facts.session(one.key).files for run in runs(file)]
+        return [{"raw": raw, "first_record": first, "last_record": last} for raw, (first, last) in held]
     return []
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,9 @@ class Specimens:
         """`columns` of the table. Raises BenchFileError where one that is named is not among them."""
         self._specimen = bench.specimen_column if bench else None
         self._batch = bench.batch_column if bench else None
-        self._found: list[tuple[NDArray[np.int64], NDArray[np.int64], list[Text], list[Text]]] = []
+        self._of_checks = bool(bench and bench.of_checks)
+        self._places: dict[sessions.Label, int] = {}
+        self._found: list[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]] = []
         for key, name in (("specimen_column", self._specimen), ("batch_column", self._batch)):
             if bench and name is not None and name not in columns:
                 raise BenchFileError(
@@ -35,16 +36,16 @@ class Specimens:
     def add(self, batch: Frames | Rows) -> None:
         """Take the labels of a batch of rows."""
         if isinstance(batch, Rows) and (self._specimen or self._batch):
-            self._found.append((batch.record, batch.t_ns, _labels(batch, self._specimen), _labels(batch, self._batch)))
+            labels = zip(_labels(batch, self._specimen), _labels(batch, self._batch), strict=True)
+            which = np.array([self._places.setdefault(one, len(self._places)) for one in labels], np.int64)
+            self._found.append((batch.record, batch.t_ns, which))
 
     def parts(self) -> list[dict[str, Any]]:
         """`ingest.facts.sessions.parts` of all rows; empty without such columns."""
         if not self._found:
             return []
-        record, t_ns, specimens, batches = zip(*self._found, strict=True)
-        return sessions.parts(
-            np.concatenate(record), np.concatenate(t_ns), list(chain(*specimens)), list(chain(*batches))
-        )
+        record, t_ns, which = (np.concatenate(some) for some in zip(*self._found, strict=True))
+        return sessions.parts(record, t_ns, which, list(self._places), self._of_checks)
 
 
 def _labels(rows: Rows, column: str | None) -> list[Text]:

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from ingest.bench.bench_file import Bench
 from ingest.facts.events import DecodeCompleted, SessionRecorded, SessionRegrouped
 from ingest.facts.sessions import BY_BENCH, BY_FLAG, Override, group, natural, overrides_of, parts, regroup, session_id
+from ingest.facts.standing import RowsOfLog
 from made.events import decode
 
 S = 1_000_000_000
@@ -129,7 +130,7 @@ def test_what_was_said_on_the_command_line_is_read_back_from_the_sessions() -> N
 
 
 def test_a_table_of_many_specimens_holds_a_session_for_each_run_of_rows() -> None:
-    rows = parts(np.arange(5), np.arange(5) * S, ["s1", "s1", "s2", "s2", "s1"], [None] * 5)
+    rows = parts(np.arange(5), np.arange(5) * S, np.array([0, 0, 1, 1, 0]), [("s1", None), ("s2", None)])
     assert [(row["specimen"], row["first_record"], row["last_record"]) for row in rows] == [
         ("s1", 0, 1),
         ("s2", 2, 3),
@@ -144,8 +145,46 @@ def test_a_table_of_many_specimens_holds_a_session_for_each_run_of_rows() -> Non
     assert len({session.session for session in sessions}) == 3
 
 
+def checks_of(raw: str, *specimens: str) -> DecodeCompleted:
+    """A table with a row a check."""
+    labels = list(dict.fromkeys(specimens))
+    which = np.array([labels.index(name) for name in specimens])
+    t_ns = T0 + np.arange(len(which)) * 9_000 * S
+    rows = parts(np.arange(len(which)), t_ns, which, [(name, None) for name in labels], of_checks=True)
+    return log(raw, 0, 9, parts=rows, balance={"found": len(which)})
+
+
+def test_checks_of_a_table_are_a_session_a_specimen_wherever_their_rows_stand() -> None:
+    sessions = grouped(checks_of("a", "s1", "s2", "s1", "s1", "s2"), checks_of("b", "s1", "s1"))
+    rows = {(one.files[0]["raw"], one.specimen): one.files[0].get("rows") for one in sessions}
+    assert rows == {("a", "s1"): [0, 2, 3], ("a", "s2"): [1, 4], ("b", "s1"): [0, 1]}
+    (first,) = [one for one in sessions if rows[one.files[0]["raw"], one.specimen] == [0, 2, 3]]
+    assert first.session == session_id(["a"], "s1", [("a", 0, 0), ("a", 2, 3)])
+    assert (first.start_ns, first.end_ns) == (T0, T0 + 3 * 9_000 * S)
+    left = grouped(checks_of("a", "s1", "s2", "s1"), gone=[RowsOfLog("a", 2, 2)])
+    assert [one.specimen for one in left] == ["s2"]
+
+
+def test_what_was_a_session_a_row_leads_to_the_session_of_its_specimen() -> None:
+    names = ["s1", "s2", "s1", "s2"]
+    single = parts(np.arange(4), np.arange(4), np.array([0, 1, 0, 1]), [("s1", None), ("s2", None)])
+    old = grouped(log("a", 0, 9, absolute=False, parts=single))
+    new = grouped(checks_of("a", *names))
+    of = {one.session: one.specimen for one in new}
+    moved = [one for one in regroup(old, new) if isinstance(one, SessionRegrouped)]
+    assert [of[one.into] for one in moved] == names
+    assert {one.why for one in moved} == {"its files were put together anew"}
+
+
+def test_what_was_said_for_a_table_of_checks_is_read_back() -> None:
+    benches = {"b1": replace(BENCH, specimen_column="serial")}
+    many = checks_of("a", "s1", "s2", "s1")
+    for said in ({"a": Override(specimen="s9")}, {"a": Override(kind="other")}, {}):
+        assert overrides_of(grouped(many, benches=benches, overrides=said), benches, {many.decode: many}) == said
+
+
 def test_a_specimen_given_for_a_table_of_many_is_read_back_and_its_columns_are_not() -> None:
-    rows = parts(np.arange(4), np.arange(4) * S, ["s1", "s1", "s2", "s2"], [None] * 4)
+    rows = parts(np.arange(4), np.arange(4) * S, np.array([0, 0, 1, 1]), [("s1", None), ("s2", None)])
     many = log("a", 0, 4, absolute=False, parts=rows, balance={"found": 4})
     benches = {"b1": replace(BENCH, specimen_column="serial")}
     for said in ({"a": Override(specimen="s9")}, {"a": Override(specimen="s1")}, {}):
@@ -155,7 +194,7 @@ def test_a_specimen_given_for_a_table_of_many_is_read_back_and_its_columns_are_n
 
 
 def test_a_table_of_one_specimen_has_the_identity_of_the_whole_file() -> None:
-    rows = parts(np.arange(2), np.arange(2), ["s1", "s1"], ["B3", "B3"])
+    rows = parts(np.arange(2), np.arange(2), np.array([0, 0]), [("s1", "B3")])
     (session,) = grouped(log("a", 0, 9, parts=rows))
     assert session.session == session_id(["a"], "s1")
     assert (session.specimen, session.batch) == ("s1", "B3")
