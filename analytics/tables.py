@@ -16,7 +16,7 @@ from ingest.facts.standing import runs
 if TYPE_CHECKING:
     from ingest.facts.store import Store
 
-Rows = list[dict[str, Any]]
+Rows = Iterable[dict[str, Any]]  # of tables that grow with the sessions one after the other, never all at once
 BALANCE = ("found", "decoded", "unknown_id", "wrong_length", "rejected")
 
 
@@ -27,12 +27,12 @@ def rows(store: Store, facts: Facts, recorded: Sequence[Recorded]) -> dict[str, 
     gone = store.forgotten
     used = {file["decode"] for session in facts.sessions for file in session.files}
     return {
-        "events": [_event(one) for one in recorded],
+        "events": map(_event, recorded),
         "files": _files(facts, recorded),
         "decodes": _decodes(facts),
         "benches": [{"bench": bench.sha256, "name": bench.name} for bench in facts.benches.values()],
         "sessions": _sessions(facts),
-        "session_files": [
+        "session_files": (
             {
                 "session": session.session,
                 "raw": file["raw"],
@@ -43,7 +43,7 @@ def rows(store: Store, facts: Facts, recorded: Sequence[Recorded]) -> dict[str, 
             for session in facts.sessions
             for file in session.files
             for first, last in runs(file)
-        ],
+        ),
         "groups": _groups(store, facts, used - gone.decodes.keys()),
         "channels": _channels(facts, used),
         "runs": _runs(facts, recorded),
@@ -88,11 +88,11 @@ def _decodes(facts: Facts) -> Rows:
 
 def _sessions(facts: Facts) -> Rows:
     names = ("session", "name", "kind", "kind_why", "specimen", "batch", "bench", "configuration", "absolute")
-    return [
+    return (
         {name: getattr(session, name) for name in (*names, "start_ns", "end_ns")}
         | {"attributes": _json(session.attributes), "place": place, **_model(facts, session)}
         for place, session in enumerate(facts.sessions)
-    ]
+    )
 
 
 def _model(facts: Facts, session: SessionRecorded) -> dict[str, str | None]:

@@ -18,6 +18,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from hashlib import sha256
 from importlib.resources import files
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 from uuid import uuid4
@@ -29,11 +30,10 @@ from analytics import scans, tables
 from analytics.errors import WarehouseError
 from analytics.reached import reach
 from ingest.facts.alias import is_misread
-from ingest.facts.facts import at as fold_at
+from ingest.facts.facts import fold
 
 if TYPE_CHECKING:
     from ingest.facts.bucket import Bucket
-    from ingest.facts.facts import Facts
     from ingest.facts.store import Store
 
 FILE = "warehouse.duckdb"
@@ -47,6 +47,7 @@ MACROS = ("resample", "equivalent_hours", "equivalent_hours_10K", "equivalent_ho
 BUILDING = "warehouse-"  # begins the names of folders in which one is being built
 BLOCK = "16384"  # bytes, the least: the tables are small, and each takes a block at least
 MEMORY = "2GiB"  # of a query; what cannot be put on disk meanwhile and needs more is refused with a line
+AT_ONCE = 20_000  # rows of a table
 SPILLED = "20GiB"  # on disk, at most
 SPILLING = "whyhot-sql-"  # begins the name of the folder there
 THREADS = 4
@@ -75,16 +76,16 @@ class _Broken(Exception):
     """The file is not as it was built."""
 
 
-def build(store: Store, facts: Facts, target: Path, source: Mapping[str, str] | None = None) -> None:
-    """Make the warehouse of `facts` at `target`: whole or not at all.
+def build(store: Store, target: Path, source: Mapping[str, str]) -> None:
+    """Make the warehouse of the facts of now at `target`: whole or not at all.
 
     `source`: what it depends on, taken before the facts, so that an event that comes meanwhile makes the next one
     stale. Raises WarehouseError where a Parquet file is missing or damaged, or the folder cannot be written.
     """
-    source = source or _source(store)
-    rows = tables.rows(store, facts, store.ledger.events())
+    recorded = store.ledger.events()
+    rows = tables.rows(store, fold(recorded), recorded)
     try:
-        _sweep(target.parent)
+        _sweep(target.parent, BUILDING)
         with tempfile.TemporaryDirectory(prefix=BUILDING, dir=target.parent) as folder:
             made = Path(folder) / target.name
             with duckdb.connect(str(made), config={"default_block_size": BLOCK}) as connection:
@@ -116,7 +117,7 @@ def refresh(store: Store, as_of: str | None = None) -> Warehouse:
             pass
         except _Broken as error:
             notes = (_set_aside(path, str(error)),)
-    build(store, fold_at(store.ledger), path, source)
+    build(store, path, source)
     try:
         return Warehouse(_open(store, path), notes)
     except _Broken as error:
@@ -152,8 +153,9 @@ def fill(
     connection.execute(_sql("tables"))
     built_from = [{"what": what, "value": value} for what, value in (source or {}).items()]
     for table, content in {**rows, "built_from": built_from}.items():
-        if content:
-            connection.register("new_rows", pa.Table.from_pylist(content))
+        left = iter(content)
+        while some := list(islice(left, AT_ONCE)):
+            connection.register("new_rows", pa.Table.from_pylist(some))
             connection.execute(f"INSERT INTO base.{table} BY NAME SELECT * FROM new_rows")
             connection.unregister("new_rows")
     connection.execute(_sql("segments"))
@@ -168,9 +170,12 @@ def confine(connection: duckdb.DuckDBPyConnection) -> None:
 
     No other file, no network, no extension, no Python variable as a table; memory and threads are limited, and no
     setting can be changed afterwards. What a sort or a window needs beyond the memory lies in a folder of its own
-    where the system keeps temporary files, made when it is needed and gone when the connection closes.
+    where the system keeps temporary files, made when it is needed and gone when the connection closes; what questions
+    that were killed left there goes with the next one.
     """
-    spill = Path(tempfile.gettempdir()).resolve() / f"{SPILLING}{uuid4().hex}"
+    temporary = Path(tempfile.gettempdir()).resolve()
+    _sweep(temporary, SPILLING)
+    spill = temporary / f"{SPILLING}{uuid4().hex}"
     found = connection.execute("SELECT file FROM base.groups UNION SELECT file FROM base.artefacts").fetchall()
     paths = ", ".join(scans.text(file) for (file,) in found)
     for setting in (
@@ -202,18 +207,21 @@ def _digest(connection: duckdb.DuckDBPyConnection, table: str) -> str:
     return f"{count}-{total:x}"
 
 
-def _sweep(folder: Path) -> None:
-    """Remove what builds that were killed left behind: not `tmp/`, which a writer empties under a reader's feet."""
-    for old in folder.glob(f"{BUILDING}*"):
-        if time.time() - old.stat().st_mtime > HOUR_S:
-            shutil.rmtree(old, ignore_errors=True)
+def _sweep(folder: Path, begins: str) -> None:
+    """Remove what was left behind in `folder` by builds or questions that were killed: folders in which nothing was
+    written for an hour. (Builds lie not in `tmp/`, which a writer empties under a reader's feet.)"""
+    for old in folder.glob(f"{begins}*"):
+        with contextlib.suppress(OSError):  # another's, or gone meanwhile
+            if time.time() - max(one.stat().st_mtime for one in (old, *old.iterdir())) > HOUR_S:
+                shutil.rmtree(old)
 
 
 def _in_memory(store: Store, as_of: str | None) -> Warehouse:
-    facts = fold_at(store.ledger, as_of)
+    recorded = store.ledger.events(as_of=as_of)
+    facts = fold(recorded)
     with contextlib.ExitStack() as unless_done:
         connection = unless_done.enter_context(duckdb.connect(":memory:"))
-        fill(connection, tables.rows(store, facts, store.ledger.events(as_of=as_of)), bucket=store.bucket)
+        fill(connection, tables.rows(store, facts, recorded), bucket=store.bucket)
         confine(connection)
         unless_done.pop_all()
     gone = [f"{why}: its samples are in no answer" for raw, why in store.forgotten.logs.items() if raw in facts.files]

@@ -357,6 +357,21 @@ def test_what_a_killed_build_left_is_swept_by_a_later_one(store: Store) -> None:
     assert young.exists()
 
 
+def test_what_a_killed_question_left_is_swept_by_a_later_one(
+    store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    old, used = tmp_path / f"{warehouse.SPILLING}old", tmp_path / f"{warehouse.SPILLING}used"
+    for folder in (old, used):
+        folder.mkdir()
+        (folder / "a.tmp").touch()
+    for one in (old, old / "a.tmp", used):
+        os.utime(one, (time.time() - 7200, time.time() - 7200))
+    warehouse.refresh(store).connection.close()
+    assert not old.exists()
+    assert used.exists()  # something was written there a moment ago
+
+
 def test_a_notebook_gets_a_connection_and_notes_as_warnings(store: Store) -> None:
     with warehouse.connect(store.folder) as connection:
         assert connection.execute("SELECT count(*) FROM sessions").fetchall() == [(3,)]
