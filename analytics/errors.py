@@ -15,3 +15,7 @@ class QueryError(AnalyticsError):
 
 class RefusedQueryError(AnalyticsError):
     """A query that would do more than read the views of this store."""
+
+
+class WorkerLostError(AnalyticsError):
+    """The process that weighed the courses of some specimens ended each time."""

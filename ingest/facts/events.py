@@ -285,7 +285,8 @@ class InspectionRecorded(Event):
 
 class AgeingAssessed(Event):
     """`ageing-<id>`: the insulation of specimens was assessed from these sessions. `answer`: SHA-256 of its document
-    (JSON, `whyhot.ageing/1`); `artefacts`: {checks, specimens, batches} -> SHA-256 of its tables (Parquet)."""
+    (JSON, `whyhot.ageing/1`); `artefacts`: {checks, specimens, batches} -> SHA-256 of its tables (Parquet). Of a fleet
+    `sessions` are the first of `count`: its table of checks holds all of them."""
 
     assessment: str  # = hash of `key`
     key: dict[str, Any]
@@ -293,6 +294,7 @@ class AgeingAssessed(Event):
     artefacts: dict[str, str]
     sessions: list[str]  # ids
     digest: str
+    count: int | None = None  # of the sessions; None: `sessions` are all
 
 
 class FactRetracted(Event):

@@ -102,7 +102,9 @@ class Chains:
 
     def of_ageing(self, assessment: str) -> list[FactLink]:
         event = self.facts.assessments[assessment]
-        says, words = f"from {len(event.sessions)} sessions with checks", ["whyhot", "ageing"]
+        count, named = event.count or len(event.sessions), len(event.sessions)
+        first = f", the first {named} of which follow" if count > named else ""
+        says, words = f"from {count:,} sessions with checks{first}", ["whyhot", "ageing"]
         return [self._link("ageing", AgeingAssessed, assessment, says, words), *self._of_sessions(event.sessions, {})]
 
     def of_model(self, model: str) -> list[FactLink]:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from replay.cli.answer import Answer, provenance, store_folder
-from replay.cli.asked import ask_as_of, ask_picture, picture_note
+from replay.cli.asked import ask_as_of, ask_picture, ask_workers, picture_note, workers_of
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -15,6 +15,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "of deterioration is written into it, as a new model"
     )
     parser.add_argument("--motor", metavar="M", help=says)
+    ask_workers(parser)
     ask_as_of(parser)
     ask_picture(parser)
     parser.add_argument("--report", metavar="F.html", type=Path, help="write one HTML file with pictures")
@@ -32,7 +33,7 @@ def run(args: argparse.Namespace) -> Answer:
     with Store.open(store_folder(args), write=args.as_of is None) as store:
         model = model_named(store, args.motor)
         known = facts.at(store.ledger, args.as_of)
-        found = assess(store, known, model, args.as_of, tell)
+        found = assess(store, known, model, args.as_of, tell, workers_of(args))
         data = document(found, provenance(store, motor=args.motor, as_of=args.as_of))
         if args.report:
             from replay.show.reports.ageing_report import write_ageing_report

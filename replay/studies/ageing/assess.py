@@ -18,6 +18,7 @@ from ingest.facts.events import AgeingAssessed, ModelPublished, SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.sessions import natural
 from ingest.facts.store import Store
+from ingest.units.each import Workers
 from replay.engine.files.motor_file import read_motor
 from replay.engine.files.motor_text import with_law
 from replay.engine.runs.identity import run_id
@@ -56,11 +57,19 @@ NOTES = 20  # of single specimens
 BATCH = [field.name for field in fields(Batch)]
 
 
-def assess(store: Store, facts: Facts, motor: str | None, as_of: str | None, tell: Tell = lambda _: None) -> Assessment:
+def assess(
+    store: Store,
+    facts: Facts,
+    motor: str | None,
+    as_of: str | None,
+    tell: Tell = lambda _: None,
+    workers: Workers | None = None,
+) -> Assessment:
     """Assess every specimen that has a DC check or a row in a table of evaluated checks.
 
     The same question again reads the sealed answer; with `as_of` nothing is written. `motor`: a model that the law is
-    written into, as a new one. Raises ReplayDataError where the store holds no check of a named specimen.
+    written into, as a new one; `workers`: where courses are weighed, None for this process. Raises ReplayDataError
+    where the store holds no check of a named specimen.
     """
     sessions = of_ageing(facts)
     key = _key(facts, sessions, motor)
@@ -73,7 +82,7 @@ def assess(store: Store, facts: Facts, motor: str | None, as_of: str | None, tel
     known = histories(store, facts, sessions, motor, as_of, tell)
     batches = {str(session.specimen): session.batch for session in sessions if session.batch}
     written = Tables(store.work()) if as_of is None else None
-    found = _assessed(store, facts, motor, known, batches, identity, written, tell)
+    found = _assessed(store, facts, motor, known, batches, identity, written, tell, workers)
     if as_of is None:
         if motor and found.law:
             found = replace(found, law=replace(found.law, model=_published(store, facts, motor, found.law)))
@@ -113,6 +122,7 @@ def _assessed(
     identity: str,
     written: Tables | None,
     tell: Tell,
+    workers: Workers | None,
 ) -> Assessment:
     """The answer; the rows of all specimens, of which it holds `MOST` at most, go into `written`."""
     from analytics.insulation import campaign
@@ -132,6 +142,8 @@ def _assessed(
         [point.dose_h or 0.0 for _, point in rows],
         [point.resistance or 0.0 for _, point in rows],
         [point.sd or 0.0 for _, point in rows],
+        workers,
+        tell,
     )
     repeats, of_each = found.repeatability, iter(found.sd.tolist())
     sd = {name: [next(of_each) if point.usable else None for point in known[name].points] for name in names}
@@ -351,9 +363,10 @@ def _range(values: Floats) -> list[float]:
 
 
 def _seal_answer(
-    store: Store, found: Assessment, key: dict[str, Any], artefacts: dict[str, str], sessions: list[str]
+    store: Store, found: Assessment, key: dict[str, Any], artefacts: dict[str, str], sessions: Sequence[str]
 ) -> None:
-    """Seal the answer, and say so in the ledger: its tables are sealed (`artefacts`), `sessions` hold its checks."""
+    """Seal the answer, and say so in the ledger: its tables are sealed (`artefacts`), `sessions` hold its checks, of a
+    fleet's the first `MOST`: all are in the table of checks."""
     answer = json.dumps(document(found, {}), sort_keys=True).encode()
     store.ledger.append(
         f"ageing-{found.assessment}",
@@ -362,7 +375,8 @@ def _seal_answer(
             key=key,
             answer=store.archive.seal(answer),
             artefacts=artefacts,
-            sessions=sessions,
+            sessions=list(sessions[:MOST]),
+            count=len(sessions),
             digest=sha256(answer).hexdigest(),
         ),
     )
