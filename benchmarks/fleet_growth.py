@@ -1,10 +1,12 @@
 """What a fleet costs as it grows: its table of checks taken in, assessed and asked, for 10^3, 10^4 and 10^5 motors.
 
-    python benchmarks/fleet_growth.py [--motors N] [--asked N] [--quick] [--json FILE]
+    python benchmarks/fleet_growth.py [--motors N] [--assessed N] [--asked N] [--quick] [--json FILE]
 
 Each fleet of `tests/plant` has 20 checks a motor in one table. `ingest` and `ageing` are commands of their own, by the
-wall and by the processor, with the most memory that each held (`MiB`, as the system counts it: Linux only); `pages`:
-bytes of the report and of what is printed, which do not grow. `--motors`: the largest of these fleets.
+wall and by the processor, with the most memory that each held (`MiB`, as the system counts it: Linux only); `read_s`:
+reading the same file, and doing nothing with it: the table for `ingest`, its decoded rows for `ageing`; `pages`:
+bytes of the report and of what is printed, which do not grow. `--motors`: the largest of these fleets; `--assessed`:
+the largest that `ageing` is asked of, on as many processes as there are processors.
 
 Then the views over the tables of one assessment, written here row by row as `whyhot ageing` writes them: 20 checks and
 100 cycles a motor, for fleets up to `--asked` motors, with the memory that `whyhot sql` gives a question. `times_read`:
@@ -32,6 +34,7 @@ import duckdb
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from pyarrow import csv
 
 from analytics import warehouse
 from benchmarks import asked
@@ -50,11 +53,11 @@ PAGE = 50  # rows of an answer
 
 def main() -> None:
     """Print the tables."""
-    words = asked.parser(__doc__, motors=(100_000, 70), asked=(100_000, 70)).parse_args()
+    words = asked.parser(__doc__, motors=(100_000, 70), assessed=(100_000, 70), asked=(100_000, 70)).parse_args()
     found: dict[str, Any] = {"whole": [], "views": []}
     with tempfile.TemporaryDirectory() as place:
         for motors in sizes(words.motors):
-            found["whole"].append(of_fleet(Path(place) / f"whole{motors}", motors))
+            found["whole"].append(of_fleet(Path(place) / f"whole{motors}", motors, motors <= words.assessed))
         for motors in sizes(words.asked):
             found["views"].append(of_views(Path(place) / f"views{motors}", motors))
     asked.keep(found, words.json)
@@ -68,7 +71,7 @@ def sizes(most: int) -> list[int]:
 # ---- taken in and assessed -----------------------------------------------------------------------------------------
 
 
-def of_fleet(folder: Path, motors: int) -> dict[str, Any]:
+def of_fleet(folder: Path, motors: int, assessed: bool) -> dict[str, Any]:
     """What each command takes."""
     batches, bad = max(8, motors // FIRST), min(motors, 5)
     written = fleet.write_checks(
@@ -76,16 +79,24 @@ def of_fleet(folder: Path, motors: int) -> dict[str, Any]:
     )
     store, report = folder / "store", folder / "report.html"
     found: dict[str, Any] = {"motors": motors}
+    (table,) = written.tables
     for words in written.ingest:
         found["ingest"] = command(folder, *words, "--store", str(store))
-    found["ageing"] = command(folder, "ageing", "--store", str(store), "--report", str(report))
-    found["pages"] = {"printed": (folder / "said.txt").stat().st_size, "report": report.stat().st_size}
-    print(f"{motors:,} motors, {CHECKS} checks each: report {report.stat().st_size / 1e6:.1f} MB")
-    for verb in ("ingest", "ageing"):
+    found["ingest"]["read_s"] = least(partial(csv.read_csv, table))
+    print(f"{motors:,} motors, {CHECKS} checks each")
+    if assessed:
+        shared = ("--workers", str(os.cpu_count() or 1)) if motors > FIRST else ()
+        found["ageing"] = command(folder, "ageing", "--store", str(store), "--report", str(report), *shared)
+        (rows,) = store.glob("decoded/*/rows.parquet")
+        found["ageing"]["read_s"] = least(partial(pq.read_table, rows))
+        found["pages"] = {"printed": (folder / "said.txt").stat().st_size, "report": report.stat().st_size}
+        print(f"  report {report.stat().st_size / 1e6:.1f} MB")
+    for verb in ("ingest", "ageing") if assessed else ("ingest",):
         of = found[verb]
         each = 1e3 * of["busy_s"] / motors
         print(
             f"  {verb:8} {of['wall_s']:8.1f} s {of['busy_s']:8.1f} s busy {each:6.1f} ms a motor {of['MiB']:7,.0f} MiB"
+            f"   plain read {of['read_s']:.3f} s"
         )
     sys.stdout.flush()
     return found
