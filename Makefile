@@ -2,17 +2,28 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test quick check bench trials notebook lock clean
+.PHONY: demo test quick check lint types tests bench trials notebook lock clean
+
+# Tests start hundreds of Pythons and two collect: what is compiled once is kept, whatever the environment says.
+unexport PYTHONDONTWRITEBYTECODE
 
 demo: .venv/ready
 	$(BIN)/whyhot demo
 
-test: .venv/ready check
+# What takes a second first; mypy needs one processor for a minute, so beside the tests.
+test: lint
+	@$(MAKE) --no-print-directory -j 2 types tests
+
+tests: .venv/ready
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
-check: .venv/ready
+check: lint types
+
+lint: .venv/ready
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+
+types: .venv/ready
 	$(BIN)/mypy
 
 # For the edit loop: checks, and most tests in under a minute. Left out are those that run the whole program or draw many seeds.
