@@ -33,7 +33,7 @@ from replay.engine.runs.campaign import replay_sessions
 from replay.studies.characterise.calibrate import calibrate_sessions
 
 LEARNT, KEPT = ("1_s1", "2_s2", "3_wltp"), ("4_s1", "5_wltp")
-QUICK_S = 300.0  # of each session
+QUICK_S = 180.0  # of each session
 Errors = dict[tuple[str, str], float]  # (session, node) -> mean absolute error [K]
 
 

@@ -312,7 +312,7 @@ def filterpys_paper_form(network: Network, inputs: Inputs) -> Floats:
     return np.asarray(peer.x)
 
 
-def seconds(ours: Callable[[], object], theirs: Callable[[], object], rounds: int = 3) -> tuple[float, float]:
+def seconds(ours: Callable[[], object], theirs: Callable[[], object], rounds: int) -> tuple[float, float]:
     """The best time of each, taken in turn."""
     best = [np.inf, np.inf]
     for _ in range(rounds):
@@ -323,7 +323,7 @@ def seconds(ours: Callable[[], object], theirs: Callable[[], object], rounds: in
     return best[0], best[1]
 
 
-def times(steps: int) -> dict[str, dict[str, float]]:
+def times(steps: int, rounds: int) -> dict[str, dict[str, float]]:
     """Each filter beside filterpy's on the same steps: us a step, ratio, largest difference of the last temperatures
     [K]."""
     case = timed_case(steps)
@@ -341,9 +341,9 @@ def times(steps: int) -> dict[str, dict[str, float]]:
     found = {}
     for name, (ours, theirs) in pairs.items():
         apart = float(np.abs(ours() - theirs()[:n]).max())
-        own, peer = seconds(ours, theirs)
+        own, peer = seconds(ours, theirs, rounds)
         found[name] = {"us_a_step": own / steps * 1e6, "filterpy_over_ours": peer / own, "largest_difference_K": apart}
-    alone, both = seconds(lambda: filter_unknowns(*case), lambda: smoothed(*case))
+    alone, both = seconds(lambda: filter_unknowns(*case), lambda: smoothed(*case), rounds)
     found["smoother"] = {"us_a_step": both / steps * 1e6, "over_filter_alone": both / alone}
     return found
 
@@ -385,12 +385,12 @@ def table(rows: list[Row]) -> str:
 
 def main() -> None:
     said = asked.parser(__doc__, seeds=(3, 1), first=(1, 1)).parse_args()
-    cycles, timed, steps = (1, 100, 10_000) if said.quick else (3, 600, 1_000_000)
+    cycles, timed, rounds, steps = (1, 40, 1, 10_000) if said.quick else (3, 600, 3, 1_000_000)
     with threadpool_limits(1):
         rows = [one for seed in range(said.first, said.first + said.seeds) for one in rows_of(seed, cycles)]
         print(f"{said.seeds} motors with a hidden magnet loss, {cycles} WLTC, after the first {SETTLE_S:.0f} s:")
         print(table(rows))
-        took = times(timed)
+        took = times(timed, rounds)
         print(
             "\n"
             + "\n".join(f"{name:<14} {', '.join(f'{k} {v:.3g}' for k, v in of.items())}" for name, of in took.items())

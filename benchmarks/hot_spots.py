@@ -30,7 +30,7 @@ from plant import Effect, Plant, Recording, drives, sessions, write_campaign
 from replay.engine.runs.campaign import replay_sessions
 
 HIDDEN_W = 400.0  # of the magnets at 16,000 rpm
-QUICK_S = 600.0  # of each session
+QUICK_S = 300.0  # of each session
 WHO = ("open loop", "smoother")
 
 

@@ -43,7 +43,7 @@ from twin.motor.sensor_laws import Bias, Gain, Misreading
 Floats = NDArray[np.float64]
 
 LEARN = 3  # sessions, as a trial of a healthy motor
-QUICK_S = 180.0  # of each session
+QUICK_S = 120.0  # of each session
 LAWS: Sequence[type[Misreading]] = (Gain, Bias)  # as the plant's own errors stand
 PRINTED = {"gain": (100.0, "%"), "bias": (1.0, "K")}  # unit
 Own = Sequence[Mapping[str, tuple[float, float]]]  # of each session: channel -> gain and bias

@@ -53,7 +53,7 @@ from plant.forms import FORMS
 from plant.rules import RULES
 from replay.engine.runs.sources import code_of
 
-QUICK_S = 180.0  # of each session
+QUICK_S = 120.0  # of each session
 
 
 def main() -> None:

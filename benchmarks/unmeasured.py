@@ -39,7 +39,7 @@ from twin.fitting.recorded import Test
 from twin.fitting.supposed import LEAST_RISE_K, wrong_share
 from twin.motor.network import Network
 
-QUICK_S = 180.0  # of each session
+QUICK_S = 120.0  # of each session
 
 
 @dataclass(frozen=True)

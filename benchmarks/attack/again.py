@@ -115,5 +115,5 @@ def projections(arena: Arena) -> Outcome:
 
 ATTACKS = (
     Attack("T16", "replays under other circumstances", "one digest", 100, 0, circumstances),
-    Attack("T17", "harmed warehouses", "made again, equal table by table, no question asked", 200, 6, projections),
+    Attack("T17", "harmed warehouses", "made again, equal table by table, no question asked", 200, 2, projections),
 )

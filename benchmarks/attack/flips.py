@@ -120,5 +120,5 @@ def pieces(arena: Arena) -> Outcome:
 
 ATTACKS = (
     Attack("T7", "a flipped bit at rest", "found and named wherever a read would differ", 35_000, 60, bits),
-    Attack("T8", "cut, zeroed, exchanged blocks", "as T7", 3000, 40, pieces),
+    Attack("T8", "cut, zeroed, exchanged blocks", "as T7", 3000, 12, pieces),
 )

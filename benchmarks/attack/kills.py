@@ -130,7 +130,7 @@ def interrupted(arena: Arena) -> Outcome:
 
 
 ATTACKS = (
-    Attack("T1", "kill -9 at a random time", "nothing lost; the same command finishes it", 2000, 4, at_random),
+    Attack("T1", "kill -9 at a random time", "nothing lost; the same command finishes it", 2000, 2, at_random),
     Attack("T2", "kill -9 before a change of a disk", "as T1", 4000, 8, at_each_change),
-    Attack("T18", "Ctrl-C", "exit code 130, no traceback, the same command finishes it", 200, 4, interrupted),
+    Attack("T18", "Ctrl-C", "exit code 130, no traceback, the same command finishes it", 200, 2, interrupted),
 )
