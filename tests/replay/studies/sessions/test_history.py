@@ -37,7 +37,7 @@ WARM_UP_H = 1.0  # by which the copper is behind the oven, each time
 def question(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Question]:
     folder = tmp_path_factory.mktemp("history")
     plant = Plant(SEED, Effect("ageing.winding-teeth.hours_above_180degC", SHARE_PER_100H))
-    pulses = points.s2(plant, 7000.0, 12.0, 0)
+    pulses = points.s2(plant, 7000.0, 6.0, 0)
     plan = [
         (pulses, 0.0),
         (_oven(HOURS[0]), 0.0),
