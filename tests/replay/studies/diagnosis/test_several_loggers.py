@@ -25,7 +25,7 @@ from twin.errors import DivergedError
 
 Capture = pytest.CaptureFixture[str]
 
-SESSIONS = {"1_a": (1000, 1), "2_b": (1000, 2), "3_c": (4000, 3)}
+SESSIONS = {"1_a": (600, 1), "2_b": (600, 2), "3_c": (2000, 3)}
 ASKED = ("diagnose", "--on", "1_a", "2_b", "--hold-out", "3_c")
 PLAIN = ("TC_winding", "TC_yoke", "TC_magnet")
 OURS = ("T_Wickl", "T_Rücken", "T_Magnet")
