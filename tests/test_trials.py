@@ -35,6 +35,8 @@ from benchmarks.trial.rates import (
     lost_table,
     many,
     many_table,
+    reliability,
+    reliability_table,
     singles,
     singles_table,
 )
@@ -219,6 +221,19 @@ def test_a_gain_is_counted_where_no_sensor_sits_too() -> None:
     assert " ".join(line.split()) == "single improved 1 5.00 -> 0.50 -> 0.20 1 5.00 -> 1.00 -> 1.50 0"
 
 
+def test_stated_probabilities_stand_beside_how_often_they_were_right() -> None:
+    right, elsewhere = (replace(_named(cause), stated={cause: 0.97}) for cause in (HIDDEN, "loss.yoke.speed2"))
+    in_class = replace(elsewhere, groups={"loss.yoke.speed2": (HIDDEN,)})
+    (row,) = reliability([right, in_class, in_class, elsewhere, SILENT])
+    assert (row["from"], row["to"], row["true"]["count"], row["true"]["of"]) == (0.95, 0.99, 3, 4)
+    assert row["stated"] == pytest.approx(0.97)
+    sure = replace(elsewhere, stated={"loss.yoke.speed2": 1.0})
+    head, low, high = reliability_table([right, *[sure] * 5])
+    assert head.split()[-1] == "true"
+    assert low.split() == ["0.95", "to", "0.99", "0.970", "1/1", "[5%,", "100%]"]
+    assert high.split() == ["0.99", "to", "1.00", "1.000", "0/5", "[0%,", "45%]", "off"]
+
+
 def test_a_lost_cause_counts_where_it_could_be_seen() -> None:
     lost = replace(SILENT, lost={HIDDEN: IMPOSSIBLE})
     invisible = replace(_hiding(HIDDEN, log_bf=7.9), lost={HIDDEN: BY_KEPT})
@@ -272,7 +287,9 @@ def test_what_was_made_is_made_once(tmp_path: Path) -> None:
 def test_results_are_read_as_they_were_written(tmp_path: Path) -> None:
     path = tmp_path / "results.jsonl"
     healthy = replace(_hiding(), audit={"lags": Spread(4, 0.5, 2.0, 0.6, "a", 0, 0)}, nodes={"published": None})
-    grouped = replace(_named(HIDDEN), groups={HIDDEN: ("loss.yoke.speed2",)}, refused=("capacity.yoke.scale",))
+    grouped = replace(
+        _named(HIDDEN), groups={HIDDEN: ("loss.yoke.speed2",)}, stated={HIDDEN: 0.9}, refused=("capacity.yoke.scale",)
+    )
     for result in (SILENT, healthy, grouped):
         written(path, result)
     assert read_results(path) == [SILENT, healthy, grouped]

@@ -22,7 +22,7 @@ from twin.diagnosis.evidence import TOLD_APART
 from twin.diagnosis.naming import Naming
 from twin.diagnosis.rounds import Refit
 from twin.diagnosis.swaps import scan
-from twin.diagnosis.told_apart import told_apart
+from twin.diagnosis.told_apart import ToldApart, told_apart
 from twin.differences.everyday import everyday
 from twin.errors import TwinError
 from twin.fitting.model import Model
@@ -34,7 +34,8 @@ VERDICTS = ("first", "class", "place", "wrong", "silent")
 @dataclass(frozen=True)
 class Result:
     """What a diagnosis said of a case and its `hidden` effects. `named`: cause -> ln BF, the strongest first; `groups`:
-    of each, what the data cannot tell from it; `refused`: what the kept sessions spoke against; `is_unknown`: a heat of
+    of each, what the data cannot tell from it; `stated`: how probable the answer calls it with these (an exchange of
+    channels has none); `refused`: what the kept sessions spoke against; `is_unknown`: a heat of
     any course won; `beside`: one is told beside what is named; `unknown`: ln BF of the best free heat; `linear`: of the
     best candidate before any refit; `leading`: after the first refits; `lost`: cause -> the step that lost it;
     `sensors`, `nodes`: errors at the kept sensors and where none sits; `audit` of a healthy motor. Of many effects at
@@ -44,6 +45,7 @@ class Result:
     hidden: tuple[Seen, ...] = ()
     named: Mapping[str, float] = field(default_factory=dict)
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    stated: Mapping[str, float] = field(default_factory=dict)
     refused: tuple[str, ...] = ()
     is_unknown: bool = False
     beside: bool = False
@@ -123,11 +125,13 @@ def tried(case: Case, campaign: Campaign, behind: Behind, hidden: tuple[Seen, ..
     naming = found.naming
     named = [(str(s.candidate.cause), s.log_bayes_factor) for s in swaps]
     named += [(str(r.candidate.cause), r.log_bayes_factor) for r in naming.accepted]
+    classes = {str(refit.candidate.cause): _class_of(naming, refit) for refit in naming.accepted}
     result = Result(
         case,
         hidden,
         named=dict(sorted(named, key=lambda one: -one[1])),
-        groups={str(refit.candidate.cause): _group(naming, refit) for refit in naming.accepted},
+        groups={name: tuple(str(m.candidate.cause) for m in one.others) for name, one in classes.items()},
+        stated={name: one.probability for name, one in classes.items()},
         refused=tuple(str(refit.candidate.cause) for refit, _ in found.refused),
         is_unknown=naming.is_unknown,
         beside=bool(found.unknown) and not naming.is_unknown,
@@ -148,11 +152,10 @@ def tried(case: Case, campaign: Campaign, behind: Behind, hidden: tuple[Seen, ..
     return replace(result, lost={cause: lost_at(found, cause, campaign.candidates) for cause in missed})
 
 
-def _group(naming: Naming, refit: Refit) -> tuple[str, ...]:
-    """What the data cannot tell from a named term, by the round in which it entered."""
+def _class_of(naming: Naming, refit: Refit) -> ToldApart:
+    """A named term and what the data cannot tell from it, by the round in which it entered."""
     entered = next(found for found in naming.searched if refit.candidate in [r.candidate for r in found.refits])
-    others = told_apart(entered, refit.candidate, naming.log_bf_instead).others
-    return tuple(str(member.candidate.cause) for member in others)
+    return told_apart(entered, refit.candidate, naming.log_bf_instead)
 
 
 # --- Kept results -----------------------------------------------------------------------------------------------------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Hashable, Iterable, Sequence
+from itertools import pairwise
 from typing import Any, TypeVar
 
 import numpy as np
@@ -17,6 +18,7 @@ from benchmarks.trial.visibility import BANDS, VISIBLE
 
 BOTH_BOUNDS = 0.90  # of both together: each holds with 95 % by itself
 K = TypeVar("K", bound=Hashable)
+STATED = (0.0, 0.5, 0.8, 0.95, 0.99, 1.0)  # edges of the stated probabilities that are counted together
 ALL, NOT_RATED = "all", "not rated"  # of all forms and rules; of effects without an expected ln BF
 
 
@@ -100,6 +102,32 @@ def singles_table(rows: dict[str, dict[str, Any]]) -> list[str]:
 
 def _said(one: dict[str, Any]) -> str:
     return f"{one['count']}/{one['of']} [{one['at_least']:.0%}, {one['at_most']:.0%}]" if one["of"] else "-"
+
+
+# --- Stated probabilities ---------------------------------------------------------------------------------------------
+
+
+def reliability(results: Sequence[Result]) -> list[dict[str, Any]]:
+    """Of the names whose stated probability lies between two of STATED: the mean of what is stated, and how many are
+    true, as what hides there is the name or in its class. Bins without a name are left out."""
+    stated = [(p, r.of_name(name) in ("first", "class")) for r in results for name, p in r.stated.items()]
+    rows = []
+    for low, high in pairwise(STATED):
+        own = [(p, true) for p, true in stated if low <= p < high or p == high == STATED[-1]]
+        if own:
+            mean = float(np.mean([p for p, _ in own]))
+            rows.append({"from": low, "to": high, "stated": mean, "true": rate(sum(true for _, true in own), len(own))})
+    return rows
+
+
+def reliability_table(results: Sequence[Result]) -> list[str]:
+    """Stated probabilities beside how often they were right; `off` where the bounds of that leave out their mean."""
+    lines = [f"{'stated probability of a name':<30}{'mean':>8}{'true':>20}"]
+    for row in reliability(results):
+        off = "" if row["true"]["at_least"] <= row["stated"] <= row["true"]["at_most"] else "  off"
+        name = f"{row['from']:.2f} to {row['to']:.2f}"
+        lines.append(f"{name:<30}{row['stated']:>8.3f}{_said(row['true']):>20}{off}")
+    return lines
 
 
 # --- Many effects at once ---------------------------------------------------------------------------------------------
