@@ -135,8 +135,11 @@ def plan_day(found: Prospect, hours: float, only: Collection[str], tell: Tell) -
     base = found.ground.fit.model
     wanted, bench = Wanted.of(found, only), BenchRange.of(base.network, base.tests)
     tell("weighing tests")
-    if hours < _hours(blocks(MINUTES[0])):
-        raise PlanError(f"{hours:g} h are too few for a test of {MINUTES[0]} min and its rest: give more hours")
+    if hours < (least := _hours(blocks(MINUTES[0]))):
+        raise PlanError(
+            f"{hours:g} h are too few for a test of {MINUTES[0]} min and {REST_MIN} min of rest: "
+            f"give {np.ceil(100 * least) / 100:g} h or more"
+        )
     weighing = _Weighing(found, wanted, bench, hours)
     if not weighing.count:
         raise PlanError(_why_none(weighing.refused))

@@ -104,7 +104,9 @@ def _as_the_file_runs(network: Network, tests: Sequence[Test]) -> Iterator[Test]
         try:
             run = as_file.course(number, np.zeros(0))[1]
         except DivergedError as error:
-            raise PlanError(f"{test.name}: {error}") from None
+            raise PlanError(
+                f"{test.name}: {error}. With this test: a smaller load, colder coolant or a shorter test would relax it"
+            ) from None
         _refuse_too_hot(network, test, run)
         channels = (replace(c, measured=run @ np.asarray(c.sensor.over(names))) for c in test.channels)
         yield replace(test, channels=tuple(channels))

@@ -118,7 +118,7 @@ def test_where_no_test_stays_below_the_limits_it_is_said_which_and_what_would_re
 
 
 def test_a_day_too_short_for_any_test_is_refused(found: Prospect) -> None:
-    with pytest.raises(PlanError, match=r"0\.2 h are too few"):
+    with pytest.raises(PlanError, match=r"0\.2 h are too few .*: give 0\.59 h or more"):
         plan_day(found, 0.2, (), _quiet)
 
 
