@@ -21,8 +21,9 @@ ROW_S = 1.0
 
 def write_plan(found: Planned, target: Path) -> None:
     """Time [s], what is set, and which `step` of the day it is (0 in a rest). From block to block all goes straight, in
-    10 s."""
+    10 s. A folder that is not there is made."""
     table = {name: [f"{value:.7g}" for value in values] for name, values in set_values(found).items()}
+    target.parent.mkdir(parents=True, exist_ok=True)
     with target.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(table)

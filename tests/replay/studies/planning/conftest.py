@@ -33,7 +33,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def answer(bench: Path) -> Mapping[str, Any]:
-    words = ["--sessions", "1_point", "2_drive", "--hours", "2", "--out", str(bench / "day.csv")]
+    words = ["--sessions", "1_point", "2_drive", "--hours", "2", "--out", str(bench / "days" / "day.csv")]
     assert main(["plan", *words, "--store", str(bench / "store"), "--json", str(bench / "plan.json")]) == 0
     found: dict[str, Any] = json.loads((bench / "plan.json").read_text(encoding="utf-8"))
     return found

@@ -45,7 +45,7 @@ def test_a_list_of_tests_is_planned_from_without_any_store(
 
 def test_a_written_day_is_such_a_test_and_teaches_nothing_by_itself(bench: Path, answer: Mapping[str, Any]) -> None:
     assert answer["chain"]
-    listed = read_listed([bench / "day.csv"], bench / "bench.toml", bench / "motor.toml")
+    listed = read_listed([bench / "days" / "day.csv"], bench / "bench.toml", bench / "motor.toml")
     (test,) = listed_campaign(listed, "testing").tests
     assert len(test.frame.features) == pytest.approx(3600 * answer["day"]["hours"], abs=10)
     assert [channel.name for channel in test.channels] == ["TC_winding", "TC_yoke", "TC_magnet"]

@@ -43,7 +43,7 @@ def test_the_day_keeps_to_its_hours_and_below_the_limit(answer: Mapping[str, Any
 
 
 def test_the_file_is_as_long_as_the_day_and_says_which_step_it_is_in(bench: Path, answer: Mapping[str, Any]) -> None:
-    table = np.genfromtxt(bench / "day.csv", delimiter=",", names=True)
+    table = np.genfromtxt(bench / "days" / "day.csv", delimiter=",", names=True)
     assert table["time_s"][-1] + 1.0 == pytest.approx(3600 * answer["day"]["hours"])
     steps = set(table["step"].tolist())
     assert steps == {0.0, *(float(step["step"]) for step in answer["chain"])}
@@ -56,7 +56,7 @@ def test_the_file_is_as_long_as_the_day_and_says_which_step_it_is_in(bench: Path
 
 def test_the_file_is_taken_in_with_a_bench_file(bench: Path, answer: Mapping[str, Any]) -> None:
     assert answer["chain"]
-    columns = (bench / "day.csv").read_text(encoding="utf-8").splitlines()[0].split(",")
+    columns = (bench / "days" / "day.csv").read_text(encoding="utf-8").splitlines()[0].split(",")
     text = BENCH
     for column in columns[1:-1]:
         quantity = CHANNELS.get(column, "temperature")
@@ -65,7 +65,7 @@ def test_the_file_is_taken_in_with_a_bench_file(bench: Path, answer: Mapping[str
         text += f'[[channel]]\nsignal = "{column}"\nquantity = "{quantity}"\nunit = "{unit}"\n{node}'
     (bench / "set_values.toml").write_text(text, encoding="utf-8")
     store, target = ["--store", str(bench / "back")], bench / "back.json"
-    assert main(["ingest", str(bench / "day.csv"), "--bench", str(bench / "set_values.toml"), *store]) == 0
+    assert main(["ingest", str(bench / "days" / "day.csv"), "--bench", str(bench / "set_values.toml"), *store]) == 0
     assert main(["sessions", *store, "--json", str(target)]) == 0
     sessions = json.loads(target.read_text(encoding="utf-8"))["sessions"]
     assert [one["duration_s"] for one in sessions] == pytest.approx([3600 * answer["day"]["hours"]], abs=2.0)
