@@ -186,6 +186,14 @@ def test_of_a_large_fleet_the_answer_holds_those_that_stand_out_most_and_counts_
     ranked = whole_fleet.rank({one["batch"] for one in whole["fleet"]["outlying_batches"]})
     every = sorted(whole["specimens"], key=lambda one: ranked(one["outlying"], one["batch"], one["score"]))
     assert held == [one["specimen"] for one in every[:10]]
+    with Store.open(tables / "store") as opened:
+        known = facts.at(opened.ledger)
+        first, last = ([*known.assessments.values()][i] for i in (0, -1))
+    assert last.sessions == first.sessions[:10]
+    assert last.count == len(first.sessions) > 10
+    capsys.readouterr()
+    assert main(["lineage", last.assessment, "--store", store]) == 0
+    assert f"from {last.count} sessions with checks, the first 10 of which follow" in capsys.readouterr().out
     with warehouse.connect(tables / "store") as connection:
         assert connection.execute("SELECT count(*) FROM fleet_health").fetchall() == [(80,)]
         ((checks,),) = connection.execute("SELECT count(*) FROM conductivity_by_cycle").fetchall()
