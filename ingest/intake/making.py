@@ -51,7 +51,8 @@ class ReadLog:
 
 @dataclass(frozen=True)
 class _Job:
-    """A log on its way: `done` so far, `channels` of the bench file for it. All but the setup is small."""
+    """What a worker needs of a log: what is `done` of it so far, and `channels` of the bench file for it. All but the
+    setup is small, and that is shared."""
 
     done: ReadLog
     setup: Shared[Setup] | InProcess[Setup]
@@ -84,7 +85,7 @@ def decode_logs(
     workers: Workers | None,
 ) -> Iterator[tuple[ReadLog, DecodeCompleted]]:
     """Every log with its decode, one that could not be read as quarantined; in order in this process, as they are done
-    elsewhere. What a decode made lies in `made_in` until the next is asked for. `channels`: by the SHA-256 of a log."""
+    elsewhere. What a decode made lies in `made_in`. `channels`: by the SHA-256 of a log."""
     shared = _shared(setup, work, workers)
     jobs = [_Job(one, shared, work, channels.get(one.log.raw, ())) for one in logs]
     for job, done in each(_decode, jobs, workers):
