@@ -13,7 +13,7 @@ from concurrent.futures import ProcessPoolExecutor
 import pytest
 
 from benchmarks.trial.audit import together
-from made.hidden_cases import Answer, Case, diagnosed
+from made.hidden_cases import Answer, Case, diagnosed, keep_imports
 from twin.diagnosis.rounds import THRESHOLD
 
 HIDDEN = (
@@ -44,7 +44,7 @@ SIZE_WITHIN = 0.25  # share: a network of 21 nodes is no mesh of 182 cells
 @pytest.fixture(scope="module")
 def answers() -> Mapping[Case, Answer]:
     every = (*HIDDEN[:4], *HEALTHY, *HIDDEN[4:])  # those that take longest first
-    with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as pool:
+    with ProcessPoolExecutor(2, multiprocessing.get_context("spawn"), initializer=keep_imports) as pool:
         return dict(zip(every, pool.map(diagnosed, every), strict=True))
 
 

@@ -5,6 +5,7 @@ The search stops after its first term; exchanged channels and faults of the data
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -79,6 +80,11 @@ def _campaign(case: Case) -> Campaign:
             known = ledger_facts.at(store.ledger)
             stored = [known.session(log.stem) for log in logs]
             return campaign_of(Question(store, known, stored, [], common_model(known, stored), "testing"))
+
+
+def keep_imports() -> None:
+    """In a process that will answer several cases: what it imported is not looked through for garbage each time."""
+    gc.freeze()
 
 
 def diagnosed(case: Case) -> Answer:

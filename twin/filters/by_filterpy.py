@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from filterpy.kalman import ExtendedKalmanFilter
 from numpy.typing import NDArray
 
 from twin.filters.ekf import Estimate, FilterRun, run_of
@@ -42,6 +41,8 @@ def apart(inputs: Inputs, ours: Estimate) -> Apart:
 def by_filterpy(inputs: Inputs) -> Iterator[tuple[Floats, Floats]]:
     """State (S,) and covariance (S, S) after each step: temperatures, unknowns in the order of `inputs.order`, lagging
     readings."""
+    from filterpy.kalman import ExtendedKalmanFilter  # brings all of scipy.stats along, which no other replay needs
+
     steps = Steps(inputs)
     size, thermometers = steps.size + steps.channels, steps.channels
     places, variances = (np.broadcast_to(rows, inputs.values.shape) for rows in (inputs.places, inputs.variances))

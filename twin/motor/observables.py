@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from twin.arithmetic.powers import exp
 from twin.motor.network import Copper
@@ -70,6 +69,8 @@ def lagged_means(means: Floats, tau_s: float, step_s: float) -> Floats:
     at the first."""
     if tau_s <= 0.0:
         return means
+    from scipy.signal import lfilter  # brings all of scipy.stats along, a third of a second that few need
+
     kept, edge = _lag(tau_s, step_s)
     before = lfilter([0.0, 1.0 - kept], [1.0, -kept], means - means[..., :1]) + means[..., :1]
     found: Floats = means + edge * (before - means)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from twin.arithmetic.powers import exp
 
@@ -74,6 +73,8 @@ def lagged(truth: Floats, tau_s: float, step_s: float) -> Floats:
     where they are linear in each step."""
     if tau_s <= 0.0:
         return truth
+    from scipy.signal import lfilter  # brings all of scipy.stats along, a third of a second that few need
+
     a, before, now = lag_factors(tau_s, step_s)
     out: Floats = lfilter([now, before], [1.0, -a], truth - truth[..., :1]) + truth[..., :1]
     return out
