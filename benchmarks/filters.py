@@ -46,18 +46,18 @@ from replay.engine.files.motor_file import read_motor
 from replay.engine.frame.frame import InputFrame
 from replay.engine.frame.frame_of import session_frame
 from replay.engine.frame.observations import Observation
-from replay.engine.results.filtered import mean_losses, reading_of, unknown_heat
+from replay.engine.results.filtered import at_their_paces, heats_elsewhere, mean_losses, reading_of, unknown_heat
 from replay.engine.results.kernel_cache import load, load_kernel
 from replay.engine.results.open_loop import initial_temperatures, modelled
 from replay.studies.motors.scale import sliced_file
 from twin.compiled.kernel import compile_indexed
 from twin.filters import ukf
 from twin.filters.by_filterpy import Steps
-from twin.filters.ekf import at_their_pace, filter_unknowns
+from twin.filters.ekf import filter_unknowns
 from twin.filters.inputs import FilterStart, Inputs, Reading, inputs_of
 from twin.filters.smoother import smoothed
 from twin.filters.ukf import filter_unscented
-from twin.filters.unknowns import UnknownHeat
+from twin.filters.unknowns import Unknown, UnknownHeat
 from twin.motor.network import Network
 from twin.motor.sensor import Sensor
 from twin.paper.ekf import at_edges, filter_with_rates, sensor_row
@@ -166,7 +166,7 @@ def with_network(recorded: InputFrame, network: Network) -> Case:
     return Case(network, recorded, inputs, FilterStart(temperatures, sd), channels, open_loop)
 
 
-def estimates(case: Case, heat: Sequence[UnknownHeat]) -> dict[str, tuple[Floats, Floats]]:
+def estimates(case: Case, heat: Sequence[Unknown]) -> dict[str, tuple[Floats, Floats]]:
     """Filter -> temperatures (N + 1, n) and extra loss (N,)."""
     given = (case.network, case.inputs, case.start, heat, case.channels)
     both, unscented, paper = smoothed(*given), filter_unscented(*given), filter_with_rates(*given)
@@ -191,10 +191,13 @@ def delay_s(estimate: Floats, truth: Floats, step_s: float, most_s: float = 120.
     return float(max(range(-most, most + 1), key=together)) * step_s
 
 
-def paced(case: Case) -> tuple[UnknownHeat, ...]:
-    """The unknown loss with the random walk that the readings ask for, as a replay has it."""
-    guess = unknown_heat("magnet", mean_losses(case.network, case.inputs, case.open_loop))
-    return at_their_pace(case.network, case.inputs, case.start, [guess], case.channels)
+def paced(case: Case) -> list[Unknown]:
+    """The unknown loss, and heats in other parts where a channel is read, with the random walks that the readings ask
+    for, as a replay has them."""
+    losses = mean_losses(case.network, case.inputs, case.open_loop)
+    guess = unknown_heat("magnet", losses)
+    beside = heats_elsewhere(case.network, losses, [one.sensor for one in case.channels], [guess])
+    return at_their_paces(case.network, case.inputs, case.start, [guess], beside, case.channels)
 
 
 def rows_of(seed: int, cycles: int) -> list[Row]:

@@ -70,11 +70,11 @@ from plant.drives import Drive
 from plant.geometry import Geometry
 from plant.thermocouples import SENSORS
 from replay.engine.files.motor_text import written
+from replay.engine.results.filtered import at_their_paces, heats_elsewhere, mean_losses
 from replay.engine.results.open_loop import modelled
 from replay.studies.characterise.calibrate import calibrate_sessions
-from twin.filters.ekf import at_their_pace
 from twin.filters.smoother import smoothed
-from twin.filters.unknowns import UnknownFactor, UnknownHeat
+from twin.filters.unknowns import Unknown, UnknownFactor
 from twin.motor.network import Network, Term
 from twin.motor.slicing import sliced
 from twin.run.simulate import source_heat
@@ -177,14 +177,14 @@ def late_s(motor: Calibrated) -> dict[str, float]:
     return found
 
 
-def as_heat(case: Case, heat: Sequence[UnknownHeat]) -> dict[str, tuple[Floats, Floats]]:
+def as_heat(case: Case, heat: Sequence[Unknown]) -> dict[str, tuple[Floats, Floats]]:
     """As `estimates`, of the extended filter and the smoother."""
     both = smoothed(case.network, case.inputs, case.start, heat, case.channels)
     filtered = both.filtered
     return {"EKF": (filtered.temperatures, filtered.found[1:, 0]), "smoother": (both.temperatures, both.found[:-1, 0])}
 
 
-def as_factor(case: Case, factor: Sequence[UnknownFactor]) -> dict[str, tuple[Floats, Floats]]:
+def as_factor(case: Case, factor: Sequence[Unknown]) -> dict[str, tuple[Floats, Floats]]:
     """The same where what multiplies the model's magnet loss, in all slices alike, is unknown; the loss [W] is what
     that adds."""
     both = smoothed(case.network, case.inputs, case.start, factor, case.channels)
@@ -201,11 +201,14 @@ def as_factor(case: Case, factor: Sequence[UnknownFactor]) -> dict[str, tuple[Fl
     }
 
 
-def paced_factor(case: Case) -> tuple[UnknownFactor, ...]:
-    """The unknown factor with the random walk that the readings ask for."""
+def paced_factor(case: Case) -> list[Unknown]:
+    """The unknown factor, and heats in other parts where a channel is read, with the random walks that the readings ask
+    for."""
     first, *others = (f"loss.{node.name}.scale" for node in case.network.nodes if node.name in MAGNETS)
     factor = UnknownFactor(first, FACTOR_SD, FACTOR_WALK, tuple(others))
-    return at_their_pace(case.network, case.inputs, case.start, [factor], case.channels)
+    losses = mean_losses(case.network, case.inputs, case.open_loop)
+    beside = heats_elsewhere(case.network, losses, [one.sensor for one in case.channels], [factor])
+    return at_their_paces(case.network, case.inputs, case.start, [factor], beside, case.channels)
 
 
 def errors_K(case: Case, edges: Floats, channels: Sequence[str]) -> tuple[float, float]:

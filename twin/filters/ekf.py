@@ -31,7 +31,7 @@ from twin.filters.plan import Plan, entry_at, x_at
 from twin.filters.planning import plan
 from twin.filters.readings import ReadingsPlan, correct, observe, readings_of, row_of
 from twin.filters.step import carry
-from twin.filters.unknowns import Unknown, UnknownFactor, UnknownHeat
+from twin.filters.unknowns import Unknown, UnknownBias, UnknownFactor, UnknownHeat
 from twin.motor.network import Network
 from twin.run.simulate import Frame, check_finite
 
@@ -39,7 +39,7 @@ Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
 U = TypeVar("U", bound=Unknown)
 
-PACES = (1 / 30, 30.0)  # within which the walks of the unknowns are sought, as factors of what is given
+PACES = (1 / 30, 300.0)  # within which the walks of the unknowns are sought, as factors of what is given
 PACE_ENOUGH = 0.3  # to which the logarithm of a pace is sought: the likelihood is flat there
 
 
@@ -209,16 +209,23 @@ def columns_of(array: Floats, which: Sequence[int]) -> Floats:
 
 
 def at_their_pace(
-    network: Network, frame: Frame, start: FilterStart, unknowns: Sequence[U], readings: Sequence[AnyReading]
+    network: Network,
+    frame: Frame,
+    start: FilterStart,
+    unknowns: Sequence[U],
+    readings: Sequence[AnyReading],
+    beside: Sequence[Unknown] = (),
 ) -> tuple[U, ...]:
     """The unknowns with the random walks of heats and factors times one number, within `PACES`: the one that makes
-    the readings most likely (marginal likelihood, by Brent's bounded search over its logarithm). Raises as
-    `filter_unknowns`."""
-
-    inputs = inputs_of(network, frame, start, unknowns, readings)
+    the readings most likely (marginal likelihood, by Brent's bounded search over its logarithm). `beside`: other
+    unknowns of the filter, whose walks stay. Raises as `filter_unknowns`."""
+    if all(isinstance(unknown, UnknownBias) for unknown in unknowns):
+        return tuple(unknowns)
+    inputs = inputs_of(network, frame, start, [*unknowns, *beside], readings)
 
     def surprise(log_pace: float) -> float:
-        return -filtered_by(through, with_walks(inputs, _paced(unknowns, np.exp(log_pace)))).log_likelihood
+        walks = [*_paced(unknowns, np.exp(log_pace)), *beside]
+        return -filtered_by(through, with_walks(inputs, walks)).log_likelihood
 
     best = minimize_scalar(surprise, bounds=np.log(PACES), method="bounded", options={"xatol": PACE_ENOUGH})
     return _paced(unknowns, float(np.exp(best.x)))

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 
 from replay.engine.frame.observations import Observation
 from replay.engine.results.filtered import (
-    HEAT_SHARE,
     HEAT_WALK_SHARE,
     LEAST_NOISE_K,
     MOST_FACTOR_SD,
@@ -64,7 +63,7 @@ def _factor(network: Network, cause: Cause) -> UnknownFactor:
     ids = [str(Cause(cause.kind, place, cause.law)) for place in _members(network, cause)]
     terms = list(features.terms(network))
     sd = min(max(terms[i].sd for one in ids for i in terms_of(network, one)), MOST_FACTOR_SD)
-    return UnknownFactor(ids[0], sd, sd * HEAT_WALK_SHARE / HEAT_SHARE, tuple(ids[1:]))
+    return UnknownFactor(ids[0], sd, sd * HEAT_WALK_SHARE, tuple(ids[1:]))
 
 
 def _members(network: Network, cause: Cause) -> Sequence[str]:

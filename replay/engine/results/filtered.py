@@ -1,9 +1,16 @@
-"""Filter and smoother over a session: temperatures corrected by measured channels, and the heat that these ask for."""
+"""Filter and smoother over a session: temperatures corrected by measured channels, and the heat that these ask for.
+
+What the network has wrong at a node that a thermometer reads is a heat there. In other parts of the motor it is sought
+beside what is asked for, each heat as large as the loss at its node makes it likely: with one unknown alone, a stator
+that is 2 K off was 80 W of the rotor behind it, and a rotor without a sensor 100 K off. How fast the heat of a part
+wanders, only a thermometer there can tell.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import assert_never
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +29,7 @@ from twin.filters.smoother import smoothed
 from twin.filters.unknowns import Unknown, UnknownBias, UnknownFactor, UnknownHeat
 from twin.motor.causes import parse
 from twin.motor.network import Network
+from twin.motor.sensor import Sensor
 from twin.run.losses import heat_flows
 from twin.run.simulate import Frame, simulate, source_heat
 
@@ -29,9 +37,9 @@ Floats = NDArray[np.float64]
 
 MOST_NODES = 100  # above, a pass over a session takes longer than all else of a replay, by the cube of the nodes
 LEAST_NOISE_K = 0.01  # of one sample: no sensor is without, whatever its bench file says
-LEAST_LOSS_W = 1.0  # of a motor at rest: the sizes of the unknown heat follow its mean loss
-HEAT_SHARE = 0.05  # sd of the unknown heat at the start, of the mean loss of the whole network
-HEAT_WALK_SHARE = 0.001  # of its random walk per square root of a second, of the same loss: where the search begins
+LEAST_LOSS_W = 1.0  # of a motor at rest: the sizes of unknown heats follow its mean loss
+LEAST_SHARE = 0.05  # of the loss of the whole network: no unknown heat is smaller, however little its node has
+HEAT_WALK_SHARE = 0.001  # of an unknown heat's random walk per root of a second, of its size: where the search begins
 MOST_FACTOR_SD = 0.7  # of the logarithm of what multiplies a loss: a factor of two
 NOTHING_ASKED: Mapping[str, Unknown] = {}
 
@@ -83,11 +91,13 @@ def filter_session(
     temperatures, sd = initial_temperatures(network, replace(frame, observations=seen), level)
     start = FilterStart(temperatures, sd)
     own = own if said else [unknown_loss(network, node, losses), *own]
+    sensors = [o.sensor for o in seen]
+    of_form = [] if len(chosen) > len(meters) else heats_elsewhere(network, losses, sensors, own)
     begins = {n.name: (float(t), float(s)) for n, t, s in zip(network.nodes, temperatures, sd, strict=True)}
     converted = [_as_thermometer(m, begins) for m in meters]
     readings = [reading_of(o, frame) for o in (*seen, *(o for o, _ in converted))]
-    errors = (UnknownBias(o.sensor.name, sd_K) for o, sd_K in converted)
-    unknowns = at_their_pace(network, inputs, start, [*own, *errors], readings)
+    errors = [UnknownBias(o.sensor.name, sd_K) for o, sd_K in converted]
+    unknowns = at_their_paces(network, inputs, start, own, [*of_form, *errors], readings)
     paced = unknowns[0]
     assert not isinstance(paced, UnknownBias)  # a loss is first
     heats = _heats(chosen, network, frame, inputs, temperatures, node)
@@ -205,9 +215,69 @@ def place_of_loss(unknown: Unknown) -> str | None:
 
 
 def unknown_heat(node: str, losses: Mapping[str, float]) -> UnknownHeat:
-    """The unknown heat at a node, as large as follows from the mean modelled `losses` [W] of all nodes."""
-    loss_W = max(sum(losses.values()), LEAST_LOSS_W)
-    return UnknownHeat(node, HEAT_SHARE * loss_W, HEAT_WALK_SHARE * loss_W)
+    """The unknown heat at a node, at the start as large as its mean modelled loss, or as a share of that of all nodes.
+    `losses` [W]: of all nodes."""
+    size_W = max(losses.get(node, 0.0), LEAST_SHARE * sum(losses.values()), LEAST_LOSS_W)
+    return UnknownHeat(node, size_W, HEAT_WALK_SHARE * size_W)
+
+
+def heats_elsewhere(
+    network: Network, losses: Mapping[str, float], sensors: Sequence[Sensor], asked: Sequence[Unknown]
+) -> list[UnknownHeat]:
+    """An unknown heat at each node that one of these thermometers follows, in parts of the motor where nothing is
+    `asked` for: the whole rotor is one part, else all nodes of a region are."""
+    part, taken = _parts(network), {part for one in asked for part in _about(network, one, sensors)}
+    read = dict.fromkeys(one.followed for one in sensors if one.followed is not None)
+    return [unknown_heat(node, losses) for node in read if part[node] not in taken]
+
+
+def at_their_paces(
+    network: Network,
+    frame: Frame,
+    start: FilterStart,
+    asked: Sequence[Unknown],
+    beside: Sequence[Unknown],
+    readings: Sequence[Reading],
+) -> list[Unknown]:
+    """What is asked for and then what is sought beside it, each at the pace that the readings ask for; in a part of the
+    motor that none of them reads, as it is. Raises as `twin.filters.ekf.at_their_pace`."""
+    sensors = [one.sensor for one in readings]
+    paced = at_their_pace(network, frame, start, beside, readings, asked)
+    told = [one for one in asked if is_read(network, one, sensors)]
+    others = [one for one in asked if one not in told]
+    fresh = iter(at_their_pace(network, frame, start, told, readings, [*others, *paced]))
+    return [*(next(fresh) if one in told else one for one in asked), *paced]
+
+
+def is_read(network: Network, unknown: Unknown, sensors: Sequence[Sensor]) -> bool:
+    """Whether one of these thermometers follows a node in a part of the motor that an unknown is about."""
+    part, about = _parts(network), _about(network, unknown, sensors)
+    return any(part[one.followed] in about for one in sensors if one.followed is not None)
+
+
+def _parts(network: Network) -> dict[str, str]:
+    """Node -> the part of the motor that it is of."""
+    return {node.name: "rotor" if node.region == "magnet" else node.region for node in network.nodes}
+
+
+def _about(network: Network, unknown: Unknown, sensors: Sequence[Sensor]) -> set[str]:
+    """The parts of the motor that an unknown is about; of a boundary none."""
+    part, followed = _parts(network), {one.name: one.followed for one in sensors}
+    return {part[place] for place in _places(unknown, followed) if place in part}
+
+
+def _places(unknown: Unknown, followed: Mapping[str, str | None]) -> list[str]:
+    """The nodes that an unknown is about. `followed`: channel -> the node that it follows."""
+    match unknown:
+        case UnknownHeat():
+            return [unknown.node]
+        case UnknownFactor():
+            return [end for cause in (unknown.of, *unknown.also) for end in parse(cause).ends]
+        case UnknownBias():
+            node = followed.get(unknown.channel)
+            return [] if node is None else [node]
+        case _:
+            assert_never(unknown)
 
 
 def unknown_loss(network: Network, node: str, losses: Mapping[str, float]) -> UnknownHeat | UnknownFactor:

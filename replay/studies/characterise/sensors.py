@@ -27,7 +27,15 @@ from replay.engine.files.configurations import network_of
 from replay.engine.frame.frame import InputFrame
 from replay.engine.frame.frame_of import session_frame
 from replay.engine.frame.observations import Observation
-from replay.engine.results.filtered import mean_losses, reading_of, uncertain_node, unknown_loss
+from replay.engine.results.filtered import (
+    at_their_paces,
+    heats_elsewhere,
+    is_read,
+    mean_losses,
+    reading_of,
+    uncertain_node,
+    unknown_loss,
+)
 from replay.engine.results.hot_spots import nodes_of
 from replay.engine.results.kernel_cache import load_kernel
 from replay.engine.results.open_loop import initial_temperatures, modelled
@@ -35,10 +43,10 @@ from replay.engine.specimen.aged import of_specimen
 from replay.errors import ReplayDataError
 from replay.studies.characterise.calibrate import common_model
 from replay.studies.sessions.fitting import fitting
-from twin.filters.ekf import at_their_pace, filter_unknowns
+from twin.filters.ekf import filter_unknowns
 from twin.filters.inputs import FilterStart
 from twin.filters.smoother import smoothed
-from twin.filters.unknowns import UnknownFactor, UnknownHeat
+from twin.filters.unknowns import Unknown, UnknownFactor, UnknownHeat
 from twin.motor.network import Network
 from twin.run.simulate import Frame, simulate
 
@@ -119,13 +127,15 @@ class Worth:
 
 @dataclass(frozen=True)
 class _Recorded:
-    """A session as the filters take it."""
+    """A session as the filters take it. `asked`: the loss at `node`, as large and as fast as its size says; `unknowns`:
+    it and then heats in other parts of the motor where a thermometer is, at the paces that all readings ask for."""
 
     network: Network
     frame: InputFrame
     inputs: Frame
     node: str
-    unknown: UnknownHeat | UnknownFactor
+    asked: UnknownHeat | UnknownFactor
+    unknowns: Sequence[Unknown]
     open_loop: Floats
 
     @property
@@ -134,6 +144,13 @@ class _Recorded:
 
     def observation(self, channel: str) -> Observation | None:
         return next((o for o in self.frame.observations if o.sensor.name == channel), None)
+
+    def unknown(self, seen: Sequence[Observation]) -> list[Unknown]:
+        """What a filter of these readings seeks: the loss, and heats where it reads."""
+        sensors = [o.sensor for o in seen]
+        loss, *heats = self.unknowns
+        loss = loss if is_read(self.network, self.asked, sensors) else self.asked
+        return [loss, *(heat for heat in heats if heat.name in {one.followed for one in sensors})]
 
     def start(self, seen: Sequence[Observation]) -> FilterStart:
         frame = replace(self.frame, observations=tuple(seen))
@@ -193,16 +210,17 @@ def _recorded(store: Store, facts: Facts, session: SessionRecorded, model: str) 
     losses = mean_losses(network, inputs, open_loop)
     node = uncertain_node(network, losses) or max(losses, key=lambda name: losses[name])
     readings = [reading_of(o, frame) for o in frame.observations]
-    asked = [unknown_loss(network, node, losses)]
-    (paced,) = at_their_pace(network, inputs, FilterStart(temperatures, sd), asked, readings)
-    return _Recorded(network, frame, inputs, node, paced, open_loop)
+    asked = unknown_loss(network, node, losses)
+    beside = heats_elsewhere(network, losses, [o.sensor for o in frame.observations], [asked])
+    unknowns = at_their_paces(network, inputs, FilterStart(temperatures, sd), [asked], beside, readings)
+    return _Recorded(network, frame, inputs, node, asked, unknowns, open_loop)
 
 
 def _filtered(one: _Recorded, seen: Sequence[str]) -> tuple[Floats, Floats]:
     """Temperatures and their sd (N + 1, n) from some channels' readings so far."""
     observations = [o for o in one.frame.observations if o.sensor.name in seen]
     readings = [reading_of(o, one.frame) for o in observations]
-    found = filter_unknowns(one.network, one.inputs, one.start(observations), [one.unknown], readings)
+    found = filter_unknowns(one.network, one.inputs, one.start(observations), one.unknown(observations), readings)
     return found.temperatures, found.temperatures_sd
 
 
@@ -327,7 +345,7 @@ def _margin(recorded: Sequence[_Recorded], vehicle: Sequence[str], risk: float, 
         if not winding or not seen:
             continue
         readings = [reading_of(o, one.frame) for o in one.frame.observations]
-        every = smoothed(one.network, one.inputs, one.start(one.frame.observations), [one.unknown], readings)
+        every = smoothed(one.network, one.inputs, one.start(one.frame.observations), one.unknowns, readings)
         at = np.argmax(every.temperatures[1:, winding], axis=1)
         rows = np.arange(len(at))
         hot, sd = every.temperatures[1:, winding][rows, at], every.temperatures_sd[1:, winding][rows, at]

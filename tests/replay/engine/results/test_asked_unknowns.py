@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from replay.engine.results.asked_unknowns import asked_unknowns
-from replay.engine.results.filtered import HEAT_SHARE, HEAT_WALK_SHARE, MOST_FACTOR_SD
+from replay.engine.results.filtered import HEAT_WALK_SHARE, MOST_FACTOR_SD, heats_elsewhere
 from replay.errors import ReplayDataError
 from twin.errors import CauseError, FrameError
 from twin.filters.unknowns import Unknown, UnknownBias, UnknownFactor, UnknownHeat
@@ -33,7 +33,7 @@ SENSORS: Any = [
 
 
 def factor(of: str, sd: float, *also: str) -> UnknownFactor:
-    return UnknownFactor(of, sd, sd * HEAT_WALK_SHARE / HEAT_SHARE, also)
+    return UnknownFactor(of, sd, sd * HEAT_WALK_SHARE, also)
 
 
 def asked(*causes: str) -> dict[str, Unknown]:
@@ -43,7 +43,7 @@ def asked(*causes: str) -> dict[str, Unknown]:
 @pytest.mark.parametrize(
     ("cause", "unknown"),
     [
-        ("loss.teeth.constant", UnknownHeat("teeth", 50.0, 1.0)),
+        ("loss.teeth.constant", UnknownHeat("teeth", 100.0, 0.1)),
         ("loss.teeth.scale", factor("loss.teeth.scale", 0.2)),
         ("conductance.winding_a-teeth.scale", factor("conductance.winding_a-teeth.scale", 0.4)),
         ("conductance.teeth-winding_b.constant", factor("conductance.teeth-winding_b.constant", 0.3)),
@@ -79,3 +79,20 @@ def test_what_no_filter_finds_is_refused_in_a_line(causes: tuple[str, ...], erro
     with pytest.raises(error, match=says) as raised:
         asked(*causes)
     assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("asked_for", "elsewhere"),
+    [
+        (UnknownHeat("teeth", 1.0, 1.0), {"winding_a": 900.0}),
+        (UnknownFactor("loss.winding_b.current2", 0.1, 0.0), {"teeth": 100.0}),  # of the same part as winding_a
+        (UnknownFactor("conductance.teeth-coolant.scale", 0.1, 0.0), {"winding_a": 900.0}),
+        (UnknownFactor("conductance.winding_a-teeth.scale", 0.1, 0.0), {}),
+        (UnknownBias("NTC_1", 1.0), {"winding_a": 900.0}),
+    ],
+)
+def test_what_is_wrong_at_thermometers_is_a_heat_where_nothing_else_is_asked(
+    asked_for: Unknown, elsewhere: dict[str, float]
+) -> None:
+    found = heats_elsewhere(MOTOR, {"winding_a": 900.0, "teeth": 100.0}, [o.sensor for o in SENSORS], [asked_for])
+    assert {heat.node: heat.sd_W for heat in found} == elsewhere
