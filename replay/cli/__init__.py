@@ -7,6 +7,7 @@ Exit codes: 0 done; 1 done with something refused or quarantined; 2 could not st
 from __future__ import annotations
 
 import argparse
+import gc
 import os
 import sys
 from collections.abc import Sequence
@@ -66,9 +67,13 @@ VERBS: dict[str, str] = {
     "doctor": "versions, SQLite safety, store and disk: what a problem report needs",
 }
 
+# When Python looks for garbage in cycles: what is imported is looked through each time, a tenth of a verb's time.
+SELDOM = (20_000, 50, 100)
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point of the `whyhot` command; returns the exit code."""
+    gc.set_threshold(*SELDOM)
     fit_output()
     try:
         with stopping():
