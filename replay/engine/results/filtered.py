@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import assert_never
+from typing import TypeVar, assert_never
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,11 +34,13 @@ from twin.run.losses import heat_flows
 from twin.run.simulate import Frame, simulate, source_heat
 
 Floats = NDArray[np.float64]
+U = TypeVar("U", bound=Unknown)
 
 MOST_NODES = 100  # above, a pass over a session takes longer than all else of a replay, by the cube of the nodes
 LEAST_NOISE_K = 0.01  # of one sample: no sensor is without, whatever its bench file says
 LEAST_LOSS_W = 1.0  # of a motor at rest: the sizes of unknown heats follow its mean loss
 LEAST_SHARE = 0.05  # of the loss of the whole network: no unknown heat is smaller, however little its node has
+UNREAD_SHARE = 0.2  # of an unknown's size, in a part of the motor that nothing reads
 HEAT_WALK_SHARE = 0.001  # of an unknown heat's random walk per root of a second, of its size: where the search begins
 MOST_FACTOR_SD = 0.7  # of the logarithm of what multiplies a loss: a factor of two
 NOTHING_ASKED: Mapping[str, Unknown] = {}
@@ -240,13 +242,27 @@ def at_their_paces(
     readings: Sequence[Reading],
 ) -> list[Unknown]:
     """What is asked for and then what is sought beside it, each at the pace that the readings ask for; in a part of the
-    motor that none of them reads, as it is. Raises as `twin.filters.ekf.at_their_pace`."""
+    motor that none of them reads, `unread`. Raises as `twin.filters.ekf.at_their_pace`."""
     sensors = [one.sensor for one in readings]
-    paced = at_their_pace(network, frame, start, beside, readings, asked)
-    told = [one for one in asked if is_read(network, one, sensors)]
-    others = [one for one in asked if one not in told]
-    fresh = iter(at_their_pace(network, frame, start, told, readings, [*others, *paced]))
-    return [*(next(fresh) if one in told else one for one in asked), *paced]
+    told = [is_read(network, one, sensors) for one in asked]
+    sized = [one if known else unread(one) for one, known in zip(asked, told, strict=True)]
+    paced = at_their_pace(network, frame, start, beside, readings, sized)
+    others = [one for one, known in zip(sized, told, strict=True) if not known]
+    own = [one for one, known in zip(sized, told, strict=True) if known]
+    fresh = iter(at_their_pace(network, frame, start, own, readings, [*others, *paced]))
+    return [*(next(fresh) if known else one for one, known in zip(sized, told, strict=True)), *paced]
+
+
+def unread(unknown: U) -> U:
+    """An unknown in a part of the motor that nothing reads: smaller and slower, for whatever other readings seem to say
+    of it is mostly what the network has wrong where they are. An error of a sensor stays."""
+    match unknown:
+        case UnknownHeat():
+            return replace(unknown, sd_W=UNREAD_SHARE * unknown.sd_W, walk_W=UNREAD_SHARE * unknown.walk_W)
+        case UnknownFactor():
+            return replace(unknown, sd=UNREAD_SHARE * unknown.sd, walk=UNREAD_SHARE * unknown.walk)
+        case _:
+            return unknown
 
 
 def is_read(network: Network, unknown: Unknown, sensors: Sequence[Sensor]) -> bool:

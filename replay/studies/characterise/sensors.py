@@ -35,6 +35,7 @@ from replay.engine.results.filtered import (
     reading_of,
     uncertain_node,
     unknown_loss,
+    unread,
 )
 from replay.engine.results.hot_spots import nodes_of
 from replay.engine.results.kernel_cache import load_kernel
@@ -149,7 +150,7 @@ class _Recorded:
         """What a filter of these readings seeks: the loss, and heats where it reads."""
         sensors = [o.sensor for o in seen]
         loss, *heats = self.unknowns
-        loss = loss if is_read(self.network, self.asked, sensors) else self.asked
+        loss = loss if is_read(self.network, self.asked, sensors) else unread(self.asked)
         return [loss, *(heat for heat in heats if heat.name in {one.followed for one in sensors})]
 
     def start(self, seen: Sequence[Observation]) -> FilterStart:
