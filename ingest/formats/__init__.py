@@ -268,11 +268,13 @@ def recognise(path: Path) -> Format:
     if not head:
         raise UnreadableLogError(f"{path.name}: is empty (0 bytes): nothing to read. Copy the file again.")
     no_logs = import_module("ingest.formats._no_logs")
-    if other := no_logs.no_log(head, path):
+    if other := no_logs.no_log(head):
         raise UnreadableLogError(f"{path.name}: is {other}.")
     for entry in FORMATS:
         if entry.magic and head.startswith(entry.magic) and _claimed(entry, path):
             return entry
+    if other := no_logs.locked(path):
+        raise UnreadableLogError(f"{path.name}: is {other}.")
     for entry in FORMATS:
         if entry.looks and re.search(entry.looks, head) and _claimed(entry, path):
             return entry

@@ -46,7 +46,7 @@ BY_NAME: Mapping[str, str] = {
     **dict.fromkeys((".dxd", ".dxz", ".d7d"), "In DewesoftX open it and export it (Analyse, Export) as MDF4 or CSV"),
     ".psdata": "In PicoScope save it as CSV (File, Save as)",
 }
-# the same of files that another program packed or locked: whatever these bytes look like
+# end of a name -> what a file is that another program packed or locked, and what to do: its bytes may look like text
 LOCKED: Mapping[str, str] = {
     **dict.fromkeys(
         (".mfe", ".mfm", ".mfc"),
@@ -56,10 +56,14 @@ LOCKED: Mapping[str, str] = {
 }
 
 
-def no_log(head: bytes, path: Path) -> str | None:
-    """What a file is, and what to do, where it is known to be no log; None where it may be one."""
-    known = (says for looks, says in NO_LOGS.items() if re.match(looks, head, re.DOTALL))
-    return LOCKED.get(path.suffix.lower()) or next(known, None)
+def no_log(head: bytes) -> str | None:
+    """What a file is, and what to do, where its first bytes say that it is no log; None where it may be one."""
+    return next((says for looks, says in NO_LOGS.items() if re.match(looks, head, re.DOTALL)), None)
+
+
+def locked(path: Path) -> str | None:
+    """The same of a file that begins like no format of ours, by its name."""
+    return LOCKED.get(path.suffix.lower())
 
 
 def by_name(path: Path) -> str | None:

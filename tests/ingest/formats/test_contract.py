@@ -219,6 +219,12 @@ def test_a_file_that_is_known_by_its_name_alone_is_refused_with_what_its_program
     assert todo in str(refused.value)
 
 
+def test_a_log_with_the_name_of_a_locked_file_is_what_it_begins_like(tmp_path: Path) -> None:
+    path = tmp_path / "log.mfm"
+    path.write_bytes((LOGS / "sample.mf4").read_bytes())
+    assert recognise(path).name == "mf4"
+
+
 @pytest.mark.parametrize("entry", [one for one in FORMATS if one.magic or one.looks], ids=lambda one: one.name)
 @pytest.mark.parametrize("name", ["log", "log.csv", "log.bin", "log.blf"])
 def test_a_format_is_recognised_whatever_its_file_is_called(entry: Format, name: str, tmp_path: Path) -> None:
