@@ -357,6 +357,18 @@ def test_a_power_meter_that_is_sure_finds_the_loss_where_no_thermometer_is_near(
     assert abs((without.heat_W - without.nominal_W)[late].mean() - 200.0) > 50.0
 
 
+def test_a_rotor_that_nothing_reads_is_little_further_off_than_by_the_open_loop(hidden: Replayed) -> None:
+    """Which begins at what is measured there. What is wrong at the end windings was taken for heat of the magnets."""
+    found = filter_session(
+        hidden.network, hidden.frame, losses(hidden), "testing", measured=["EW_A_inner", "EW_B_inner"]
+    )
+    assert found is not None
+    off = filter_summary(found, hidden.frame, hidden.run.nodes).mae_K
+    open_loop = {one.channel: one.mae_K for one in hidden.run.summary.channels}
+    for channel in ("MAG", "RS"):
+        assert off[channel] < 1.25 * open_loop[channel], (off, open_loop)
+
+
 def test_the_summary_says_the_loss_in_a_few_numbers(hidden: Replayed) -> None:
     run, heat = filtered(hidden.run), hidden.event.summary["filtered"]["heat"]
     assert run.smoothed is not None
