@@ -86,12 +86,12 @@ def trace_row(store: Store, recorded: Sequence[Recorded], facts: Facts, row: Map
     if "file_id" in has and {"record", "first_record"} & has:
         first = row.get("record", row.get("first_record"))
         return _of_records(store, facts, chains, row["file_id"], first, row.get("last_record", first))
-    for column in ("run", "inspection", "session", "file_id", "model"):
+    for column in ("run", "assessment", "inspection", "session", "file_id", "model"):
         if column in has:
             return trace(store, recorded, facts, row[column])
     raise ReplayDataError(
         "the row has no column that says where it came from: select run (with t_s and channel), session, file_id (with "
-        "record), inspection or model too."
+        "record), assessment, inspection or model too."
     )
 
 

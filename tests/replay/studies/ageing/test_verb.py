@@ -193,7 +193,11 @@ def test_of_a_large_fleet_the_answer_holds_those_that_stand_out_most_and_counts_
     assert last.count == len(first.sessions) > 10
     capsys.readouterr()
     assert main(["lineage", last.assessment, "--store", store]) == 0
-    assert f"from {last.count} sessions with checks, the first 10 of which follow" in capsys.readouterr().out
+    named = capsys.readouterr().out
+    assert f"from {last.count} sessions with checks, the first 10 of which follow" in named
+    for view in ("fleet_health", "life_used", "changepoints", "batches"):
+        assert main(["lineage", f"SELECT * FROM {view} WHERE assessment IS NOT NULL", "--store", store]) == 0, view
+        assert capsys.readouterr().out == named
     with warehouse.connect(tables / "store") as connection:
         assert connection.execute("SELECT count(*) FROM fleet_health").fetchall() == [(80,)]
         ((checks,),) = connection.execute("SELECT count(*) FROM conductivity_by_cycle").fetchall()
