@@ -36,6 +36,7 @@ from replay.show.plots.compare import compare
 from replay.show.reports.chain_plot import chain_bars
 from replay.show.reports.cut_plot import INSTANTS, course_of, cut_plot
 from replay.show.reports.diagnosis_report import filter_section, write_diagnosis_report
+from replay.show.reports.diagnosis_text import diagnosis_name
 from replay.show.reports.foreseen_plot import foreseen_plot
 from replay.show.reports.gain_plot import gain_bars
 from replay.show.reports.law_plot import law_plots
@@ -81,6 +82,12 @@ def page(
 def html(tmp_path_factory: pytest.TempPathFactory) -> str:
     """The report of a named cause over a session learnt from and a kept one."""
     return page(tmp_path_factory.mktemp("report"), NAMED, runs(names=FEW), DIFF)
+
+
+def test_it_says_which_command_leads_to_the_bytes(html: str) -> None:
+    lineage = re.findall(r"<code>whyhot lineage ([^<]+)</code>", html)
+    assert lineage[0] == diagnosis_name(NAMED)
+    assert re.fullmatch(r"\w+/CHANNEL", lineage[1])
 
 
 def test_the_report_tells_in_order_answer_gain_error_evidence_change_and_source(html: str) -> None:

@@ -205,6 +205,7 @@ def test_of_a_large_fleet_the_answer_holds_those_that_stand_out_most_and_counts_
     text = page.read_text(encoding="utf-8")
     assert "The 10 specimens that stand out most</h2>" in text and "LIMIT 100 OFFSET 100" in text
     assert f"All 80 specimens: where their {checks:,} checks lie" in text
+    assert f"<code>whyhot lineage {last.assessment}</code>" in text
 
 
 def test_a_density_is_of_a_fleet_whose_courses_cannot_be_told_apart() -> None:
