@@ -43,7 +43,7 @@ def _title(run: Run, metered: Metered) -> str:
     error = heat_words.quantity(errors.mae, unit)
     if errors.within_floor:
         floor = heat_words.quantity(errors.floor, unit)
-        return f"{subject}: model within the meter's own uncertainty ({error} of {floor})"
+        return f"{subject}: model on average within the meter's own uncertainty ({error} of {floor})"
     way = "below" if errors.bias > 0 else "above"
     return f"{subject}: model off by {error} on average, mostly {way} the meter"
 

@@ -48,7 +48,7 @@ def residual_strip(run: Run, columns: int) -> Plot | None:
     shown = [channels[error.channel] for error in errors[:MOST]]
     means = np.array([column_means(run, one, COLUMNS) for one in shown])
     worst = errors[0]
-    off = "within its sensor's uncertainty" if worst.within_floor else f"the model {direction(worst)}"
+    off = "as a mean within its sensor's uncertainty" if worst.within_floor else f"the model {direction(worst)}"
     title = f"Furthest off: {words.name(worst.node)}, {mean_error(worst)} on average, {off}"
     with style(f"{run.session} strip"):
         svg = inline_svg(_draw(run, shown, means, columns), title)

@@ -103,7 +103,7 @@ def _worst(summary: Summary) -> str:
     errors = worst_first(summary)
     if not errors:
         return "no node is observed"
-    off = "within its sensor's uncertainty" if errors[0].within_floor else direction(errors[0])
+    off = "on average within its sensor's uncertainty" if errors[0].within_floor else direction(errors[0])
     return f"{words.name(errors[0].node)} {mean_error(errors[0])}, {off}"
 
 
