@@ -35,7 +35,8 @@ QUICK := test_house.py test_make.py ingest twin analytics/insulation replay/engi
 SLOW := ingest/catalogue/test_looked.py ingest/intake \
 	ingest/log/test_reading.py ingest/log/test_clock.py \
 	ingest/facts/test_ledger.py ingest/facts/test_ledger_server.py ingest/facts/test_bucket.py ingest/facts/test_move.py \
-	ingest/facts/test_move_files.py twin/planning/test_chain.py twin/compiled/test_kernel.py twin/run/test_side_by_side.py analytics/insulation/courses/test_forms.py \
+	ingest/facts/test_move_files.py twin/planning/test_chain.py twin/compiled/test_kernel.py twin/run/test_side_by_side.py \
+	analytics/insulation/courses/test_forms.py \
 	twin/diagnosis twin/insulation twin/fitting/test_noise.py twin/compiled/test_integrators.py twin/compiled/test_new_law.py \
 	twin/calibration/test_united.py twin/run/test_reduction.py \
 	twin/run/test_envelope.py twin/run/test_energy_balance.py analytics/insulation/fleet analytics/insulation/life \

@@ -194,13 +194,13 @@ def delay_s(estimate: Floats, truth: Floats, step_s: float, most_s: float = 120.
     return float(max(range(-most, most + 1), key=together)) * step_s
 
 
-def paced(case: Case) -> list[Unknown]:
-    """The unknown loss, and heats in other parts where a channel is read, with the random walks that the readings ask
-    for, as a replay has them."""
+def paced(case: Case, asked: Unknown | None = None) -> list[Unknown]:
+    """What is asked for, a heat of the magnets if nothing else, and heats in other parts where a channel is read, with
+    the random walks that the readings ask for, as a replay has them."""
     losses = mean_losses(case.network, case.inputs, case.open_loop)
-    guess = unknown_heat("magnet", losses)
-    beside = heats_elsewhere(case.network, losses, [one.sensor for one in case.channels], [guess])
-    return at_their_paces(case.network, case.inputs, case.start, [guess], beside, case.channels)
+    asked = asked or unknown_heat("magnet", losses)
+    beside = heats_elsewhere(case.network, losses, [one.sensor for one in case.channels], [asked])
+    return at_their_paces(case.network, case.inputs, case.start, [asked], beside, case.channels)
 
 
 def rows_of(seed: int, cycles: int) -> list[Row]:

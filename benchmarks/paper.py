@@ -70,7 +70,6 @@ from plant.drives import Drive
 from plant.geometry import Geometry
 from plant.thermocouples import SENSORS
 from replay.engine.files.motor_text import written
-from replay.engine.results.filtered import at_their_paces, heats_elsewhere, mean_losses
 from replay.engine.results.open_loop import modelled
 from replay.studies.characterise.calibrate import calibrate_sessions
 from twin.filters.smoother import smoothed
@@ -202,13 +201,9 @@ def as_factor(case: Case, factor: Sequence[Unknown]) -> dict[str, tuple[Floats, 
 
 
 def paced_factor(case: Case) -> list[Unknown]:
-    """The unknown factor, and heats in other parts where a channel is read, with the random walks that the readings ask
-    for."""
+    """As `paced`, of what multiplies the magnets' loss."""
     first, *others = (f"loss.{node.name}.scale" for node in case.network.nodes if node.name in MAGNETS)
-    factor = UnknownFactor(first, FACTOR_SD, FACTOR_WALK, tuple(others))
-    losses = mean_losses(case.network, case.inputs, case.open_loop)
-    beside = heats_elsewhere(case.network, losses, [one.sensor for one in case.channels], [factor])
-    return at_their_paces(case.network, case.inputs, case.start, [factor], beside, case.channels)
+    return paced(case, UnknownFactor(first, FACTOR_SD, FACTOR_WALK, tuple(others)))
 
 
 def errors_K(case: Case, edges: Floats, channels: Sequence[str]) -> tuple[float, float]:

@@ -67,7 +67,7 @@ VERBS: dict[str, str] = {
     "doctor": "versions, SQLite safety, store and disk: what a problem report needs",
 }
 
-# When Python looks for garbage in cycles: what is imported is looked through each time, a tenth of a verb's time.
+# When Python looks for garbage in cycles: what is imported is looked through each time, a twelfth of a verb's time.
 SELDOM = (20_000, 50, 100)
 
 

@@ -244,13 +244,12 @@ def at_their_paces(
     """What is asked for and then what is sought beside it, each at the pace that the readings ask for; in a part of the
     motor that none of them reads, `unread`. Raises as `twin.filters.ekf.at_their_pace`."""
     sensors = [one.sensor for one in readings]
-    told = [is_read(network, one, sensors) for one in asked]
-    sized = [one if known else unread(one) for one, known in zip(asked, told, strict=True)]
+    read = [one for one in asked if is_read(network, one, sensors)]
+    sized = [one if one in read else unread(one) for one in asked]
     paced = at_their_pace(network, frame, start, beside, readings, sized)
-    others = [one for one, known in zip(sized, told, strict=True) if not known]
-    own = [one for one, known in zip(sized, told, strict=True) if known]
-    fresh = iter(at_their_pace(network, frame, start, own, readings, [*others, *paced]))
-    return [*(next(fresh) if known else one for one, known in zip(sized, told, strict=True)), *paced]
+    others = [one for one in sized if one not in read]
+    found = dict(zip(read, at_their_pace(network, frame, start, read, readings, [*others, *paced]), strict=True))
+    return [*(found.get(one, one) for one in sized), *paced]
 
 
 def unread(unknown: U) -> U:

@@ -151,7 +151,8 @@ class _Recorded:
         sensors = [o.sensor for o in seen]
         loss, *heats = self.unknowns
         loss = loss if is_read(self.network, self.asked, sensors) else unread(self.asked)
-        return [loss, *(heat for heat in heats if heat.name in {one.followed for one in sensors})]
+        read = {one.followed for one in sensors}
+        return [loss, *(heat for heat in heats if heat.name in read)]
 
     def start(self, seen: Sequence[Observation]) -> FilterStart:
         frame = replace(self.frame, observations=tuple(seen))

@@ -120,8 +120,11 @@ def test_eight_that_seal_the_same_at_once_leave_it_whole(bucket: BucketServer, a
         elif method == "PUT":  # the first, after which the others would find the object
             second.wait(timeout=30)
 
+    def seal() -> None:
+        assert archive.seal(DATA) == SHA
+
     bucket.fault = fault
-    threads = [threading.Thread(target=lambda: archive.seal(DATA)) for _ in range(8)]
+    threads = [threading.Thread(target=seal) for _ in range(8)]
     for one in threads:
         one.start()
     for one in threads:
