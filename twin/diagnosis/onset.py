@@ -54,11 +54,6 @@ class Onsets:
         found: Floats = self.probability.sum(axis=1)
         return found
 
-    def by_candidate(self) -> Floats:
-        """(c,) that it acts in some tests."""
-        found: Floats = self.probability.sum(axis=0)
-        return found
-
     def place(self, cause: str) -> int | None:
         """Which candidate has this id; None where it moves no reading of these tests."""
         return next((i for i, one in enumerate(self.candidates) if str(one.cause) == cause), None)
