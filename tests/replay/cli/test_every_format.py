@@ -46,8 +46,8 @@ def test_a_log_of_every_format_goes_through_every_verb(
     for day, name in enumerate(names):
         WRITERS[name](night / name, [(day * DAY_S + i / 2, value) for i, value in enumerate(VALUES)])
     Path("bench.toml").write_text(BENCH, encoding="utf-8")
-    Path("bench.dbc").write_text(can_bench.DBC, encoding="utf-8")
-    words = ("night", "--bench", "bench.toml", "--dbc", "bench.dbc")
+    (night / "bench.dbc").write_text(can_bench.DBC, encoding="utf-8")
+    words = ("night", "--bench", "bench.toml", "--dbc", "night")
     looked = answer(capsys, "inspect", *words)["files"]
     assert {one["name"]: one["found"] for one in looked} == dict.fromkeys(names, len(VALUES))
     assert {one["name"] for one in answer(capsys, "morning", *words)["sessions"]} == set(names)
