@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 SESSION = "whyhot session"  # no signal is called so
 # The two files, from when to when, (channel, its column in each) of what both have, and all columns of the later one.
 OVERLAPS = """
+WITH held AS (SELECT DISTINCT session, decode FROM base.session_files)
 SELECT
     fa.file, fb.file, first_ns, last_ns, list((a.channel, a.column_name, b.column_name) ORDER BY a.place),
     (
@@ -29,8 +30,8 @@ SELECT
 FROM (
     SELECT DISTINCT
         x.decode AS before, y.decode AS after, y.start_ns AS first_ns, least(x.end_ns, y.end_ns) AS last_ns
-    FROM base.session_files AS sx
-    JOIN base.session_files AS sy ON sy.session = sx.session AND sy.decode <> sx.decode
+    FROM held AS sx
+    JOIN held AS sy ON sy.session = sx.session AND sy.decode <> sx.decode
     JOIN base.decodes AS x ON x.decode = sx.decode
     JOIN base.decodes AS y ON y.decode = sy.decode
     WHERE (x.start_ns, -x.end_ns, x.raw) < (y.start_ns, -y.end_ns, y.raw) AND y.start_ns <= x.end_ns
