@@ -40,20 +40,20 @@ MANY = 64  # sessions that a file may hold for each of its rows to be held again
 
 
 def create(connection: duckdb.DuckDBPyConnection, bucket: Bucket | None = None) -> None:
-    """Make the views from `base.groups`, `base.channels` and `base.artefacts`. `bucket`: where their files lie.
+    """Make the views from the tables that `base` has of groups, channels, doubled values and artefacts. `bucket`: where
+    their files lie.
 
     Raises WarehouseError where a Parquet file that the facts name is missing or damaged.
     """
-    schema = partial(_schema, bucket)
+    schema_of = partial(read_schema, bucket)
     shared = "FROM base.segments SELECT file GROUP BY file HAVING count(*) > ?"
     of_many = {file for (file,) in connection.execute(shared, [MANY]).fetchall()}
-    _find_doubled(connection, schema)
-    _view(connection, "values", VALUES, _values(connection, schema, lambda file: file not in of_many))
-    _view(connection, "values_of_many", VALUES, _values(connection, schema, lambda file: file in of_many))
-    _view(connection, "temperatures", TEMPERATURES, _temperatures(connection, schema))
-    _view(connection, "residuals", RESIDUALS, _tables(connection, schema, "residuals", RESIDUALS))
+    _view(connection, "values", VALUES, _values(connection, schema_of, lambda file: file not in of_many))
+    _view(connection, "values_of_many", VALUES, _values(connection, schema_of, lambda file: file in of_many))
+    _view(connection, "temperatures", TEMPERATURES, _temperatures(connection, schema_of))
+    _view(connection, "residuals", RESIDUALS, _tables(connection, schema_of, "residuals", RESIDUALS))
     for kind, columns in AGEING.items():
-        _view(connection, kind, columns, _tables(connection, schema, kind, columns))
+        _view(connection, kind, columns, _tables(connection, schema_of, kind, columns))
 
 
 def text(value: str | None) -> str:
@@ -79,29 +79,20 @@ def _values(connection: duckdb.DuckDBPyConnection, schema_of: SchemaOf, taken: C
             channels[file].append(tuple(channel))
     alike = _alike({file: (schema_of(file), tuple(of), (file,) in twice) for file, of in channels.items()})
     for (schema, listed, some), files in alike.items():
-        columns, kinds = _columns(schema), dict(schema)
-        doubled = f"({name(FILE)}, record) IN (FROM base.doubled)" if some else "false"
+        columns, kinds = column_names(schema), dict(schema)
         for column, *constants in listed:
             if "string" in kinds[column]:
                 continue
             fixed = ", ".join(text(constant) for constant in constants)
+            of_it = f"SELECT file, record FROM base.doubled WHERE channel IS NULL OR channel = {text(constants[0])}"
+            doubled = f"({name(FILE)}, record) IN ({of_it})" if some else "false"
             yield _branch(files, f"{fixed}, t_ns, record, {name(columns[column])}, {doubled}")
-
-
-def _find_doubled(connection: duckdb.DuckDBPyConnection, schema_of: SchemaOf) -> None:
-    """Fill `base.doubled`, of the files with stamps that come twice."""
-    for (file,) in connection.execute("SELECT file FROM base.groups WHERE doubled ORDER BY file").fetchall():
-        schema_of(file)  # a file that is missing or damaged is refused in our words
-        connection.execute(
-            f"INSERT INTO base.doubled SELECT {text(file)}, record FROM read_parquet({text(file)}) "
-            "QUALIFY row_number() OVER (PARTITION BY t_ns ORDER BY record) > 1"
-        )
 
 
 def _temperatures(connection: duckdb.DuckDBPyConnection, schema_of: SchemaOf) -> Iterable[str]:
     """One branch for each node of each kind of file."""
     for schema, files in _alike({file: schema_of(file) for file in _artefacts(connection, "temperatures")}).items():
-        for column, actual in _columns(schema).items():
+        for column, actual in column_names(schema).items():
             if column.endswith(SUFFIX):
                 yield _branch(files, f"{text(column.removesuffix(SUFFIX))}, t_ns, {name(actual)}")
 
@@ -146,16 +137,16 @@ def _view(
     )
 
 
-def _schema(bucket: Bucket | None, file: str) -> Schema:
-    """The columns of a Parquet file."""
+def read_schema(bucket: Bucket | None, file: str) -> Schema:
+    """The columns of a Parquet file. Raises WarehouseError where it is missing or damaged."""
     try:
-        schema = pq.read_schema(at(bucket, file).parts() if bucket else file)
+        found = pq.read_schema(at(bucket, file).parts() if bucket else file)
     except FileNotFoundError:
         raise WarehouseError(f"{file}: is missing: {_advice(file)}") from None
     except (pa.ArrowException, OSError) as error:
         why = " ".join(str(error).split())
         raise WarehouseError(f"{file}: cannot be read as Parquet ({why[:120]}): {_advice(file)}") from None
-    return tuple((field.name, str(field.type)) for field in schema)
+    return tuple((field.name, str(field.type)) for field in found)
 
 
 def _advice(file: str) -> str:
@@ -164,7 +155,7 @@ def _advice(file: str) -> str:
     return "restore it from a backup, then run `whyhot verify`"
 
 
-def _columns(schema: Schema) -> dict[str, str]:
+def column_names(schema: Schema) -> dict[str, str]:
     """Column -> what DuckDB calls it: it knows no upper and lower case, and numbers the second of two alike."""
     taken: set[str] = set()
     actual = {}

@@ -26,7 +26,7 @@ from uuid import uuid4
 import duckdb
 import pyarrow as pa
 
-from analytics import scans, tables
+from analytics import doubled, scans, tables
 from analytics.errors import WarehouseError
 from analytics.reached import reach
 from ingest.facts.alias import is_misread
@@ -159,6 +159,7 @@ def fill(
             connection.execute(f"INSERT INTO base.{table} BY NAME SELECT * FROM new_rows")
             connection.unregister("new_rows")
     connection.execute(_sql("segments"))
+    doubled.find(connection, bucket)
     scans.create(connection, bucket)
     for part in (*VIEWS, *MACROS):
         connection.execute(_sql(part))

@@ -29,10 +29,11 @@ CREATE TABLE base.sessions (
 CREATE TABLE base.session_files (session VARCHAR, raw VARCHAR, decode VARCHAR, first_record BIGINT, last_record BIGINT);
 
 -- `file`: the whole path of a Parquet file, spelled as the scan of it spells it.
--- `doubled`: some of its stamps come twice; `base.doubled` has the records that repeat the stamp of one before.
+-- `doubled`: some of its stamps come twice.
 CREATE TABLE base.groups (decode VARCHAR, group_name VARCHAR, file VARCHAR, doubled BOOLEAN);
 
-CREATE TABLE base.doubled (file VARCHAR, record BIGINT);
+-- Filled by analytics/doubled.py. `channel`: null where all channels of the record are meant.
+CREATE TABLE base.doubled (file VARCHAR, record BIGINT, channel VARCHAR);
 
 CREATE TABLE base.channels (
     decode VARCHAR, place BIGINT, channel VARCHAR, group_name VARCHAR, column_name VARCHAR, quantity VARCHAR,

@@ -1,8 +1,9 @@
 """MCAP of other recorders: the numbers in messages of JSON, protobuf, ROS 1 and ROS 2 (CDR), by the file's schemas.
 
-A topic is a table with the time at which its messages were logged; a row is what all topics say at one time. A column
-is `topic.field` (`/motor.winding.T`, `/cells.voltage[3]`). Texts, long lists and topics without numbers are left out
-and named (`settings["left_out"]`). A message that cannot be read is rejected. Format: https://mcap.dev/spec
+A topic is a table with the time at which its messages were published, where the publisher's clock agrees with the
+recorder's, else logged; `topic.publish_delay` [s] is logged minus published. A row is what all topics say at one time.
+A column is `topic.field` (`/motor.winding.T`, `/cells.voltage[3]`). Texts, long lists and topics without numbers are
+left out and named (`settings["left_out"]`). A message that cannot be read is rejected. Format: https://mcap.dev/spec
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ from ingest.formats._joined_tables import JoinedTables, OwnTimes, counted
 DAMAGE = (McapError, ValueError, KeyError, AssertionError, EOFError, struct.error, RuntimeError, zstandard.ZstdError)
 OURS = "arrow"  # encoding of the recordings that whyhot writes
 MOST_COLUMNS = 5000
+DELAY, AGREE_NS = "publish_delay", 1_000_000_000
 RECORD = struct.Struct("<BQ")  # kind and length of what follows
 SHOWN = 64  # first bytes of a message that is rejected
 WAYS_OUT = {
@@ -49,7 +51,8 @@ class _Topic:
     """The messages of one topic, N so far. `columns`: name -> (places, values) of the messages that have it."""
 
     name: str
-    t_ns: list[int] = field(default_factory=list)
+    t_ns: list[int] = field(default_factory=list)  # logged
+    published_ns: list[int] = field(default_factory=list)
     why: dict[int, tuple[str, bytes]] = field(default_factory=dict)  # of those that cannot be read, first bytes beside
     columns: dict[str, tuple[array[int], array[float]]] = field(default_factory=dict)
     no_numbers: dict[str, int] = field(default_factory=dict)  # fields that are something else -> how often
@@ -107,6 +110,7 @@ class McapLog(JoinedTables):
         topic = self._topics.setdefault(channel.topic, _Topic(channel.topic, unit=channel.metadata.get("unit", "")))
         place = len(topic.t_ns)
         topic.t_ns.append(message.log_time)
+        topic.published_ns.append(message.publish_time or message.log_time)
         if self.sought:
             topic.number.append(number)
         told = (schema.encoding, schema.name, schema.data) if schema else ("", "", b"")
@@ -190,13 +194,24 @@ def _decoder(encoding: str, schema_encoding: str, name: str, schema: bytes) -> D
     raise NotRead(WAYS_OUT.get(encoding, f"its encoding is not read ({told}). Export it as JSON"))
 
 
+def _agree(published: NDArray[np.int64], logged: NDArray[np.int64]) -> bool:
+    """Whether the times of publishing (N,) are of a clock, and of one that agrees with the recorder's: none is later
+    than its message was logged, and some message took less than `AGREE_NS`."""
+    is_clock = len(np.unique(published)) >= len(np.unique(logged))
+    return is_clock and bool(0 <= (logged - published).min() < AGREE_NS)
+
+
 def _table(topic: _Topic, origin_ns: int, where: Callable[[int], str]) -> OwnTimes:
-    stamps = np.array([min(one, LATE_NS) for one in topic.t_ns], np.int64)
+    logged, published = (np.minimum(one, LATE_NS).astype(np.int64) for one in (topic.t_ns, topic.published_ns))
+    delay_ns = logged - published
+    stamps = published if _agree(published, logged) else logged
     bad = stamps + origin_ns >= LATE_NS
     bad[list(topic.why)] = True
-    names = list(topic.columns)
+    names, delays = list(topic.columns), [DELAY] if delay_ns.any() else []
 
     def cells(place: int, start: int, stop: int) -> NDArray[Any]:
+        if place == len(names):
+            return delay_ns[start:stop] / 1e9
         places, values = (np.asarray(one) for one in topic.columns[names[place]])
         some = slice(*np.searchsorted(places, [start, stop]).tolist())
         found = np.full(stop - start, np.nan)
@@ -208,8 +223,8 @@ def _table(topic: _Topic, origin_ns: int, where: Callable[[int], str]) -> OwnTim
 
     return OwnTimes(
         name=topic.name,
-        columns=tuple(f"{topic.name}.{name}" if name else topic.name for name in names),
-        units=(topic.unit,) * len(names),
+        columns=tuple(f"{topic.name}.{name}" if name else topic.name for name in (*names, *delays)),
+        units=(*[topic.unit] * len(names), *["s"] * len(delays)),
         t_ns=stamps + origin_ns,
         bad=bad,
         cells=cells,

@@ -1,14 +1,15 @@
 """What was given: log files, folders, patterns and archives become log files; what is no log in them is named.
 
 A folder counts with all that lies in it, a pattern (`night/*.blf`) with all that it fits; hidden files and stores of
-whyhot are left out. A file that was named itself is a log whatever it holds: its reader says why it is none.
+whyhot are left out. A file that was named itself is a log whatever it holds: its reader says why it is none. Signal
+databases are given in the same ways.
 """
 
 from __future__ import annotations
 
 import glob
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,6 +21,8 @@ from ingest.formats import ANY_TEXT, is_table, recognise
 from ingest.intake.archives import is_archive, unpacked
 from ingest.intake.setup import kept_name
 from ingest.log.database_files import is_database
+
+DATABASES = (".dbc", ".kcd", ".sym", ".arxml")  # so a database is called, whatever it holds
 
 
 @dataclass
@@ -33,30 +36,63 @@ class GivenLogs:
 
 
 @contextmanager
-def opened(arguments: Sequence[Path]) -> Iterator[GivenLogs]:
-    """The logs of all arguments, as long as they are worked with. Raises IngestError for one that is not there."""
+def opened(arguments: Sequence[Path], databases: Sequence[Path] = ()) -> Iterator[GivenLogs]:
+    """The logs of all arguments, as long as they are worked with. `databases`: files among them that were given as
+    such, and need not be named. Raises IngestError for an argument that is not there."""
+    known = {path.resolve() for path in databases}
     with tempfile.TemporaryDirectory(prefix="whyhot-") as folder:
         given = GivenLogs()
         for number, argument in enumerate(arguments):
-            _add(given, argument, Path(folder) / str(number))
+            _add(given, argument, Path(folder) / str(number), known)
         yield given
 
 
-def _add(given: GivenLogs, argument: Path, folder: Path) -> None:
+def databases_given(arguments: Sequence[Path]) -> list[Path]:
+    """The signal databases that `--dbc` names: files, and what is one in folders and patterns.
+
+    Raises IngestError where something is not there, or a folder or pattern holds none.
+    """
+    found: dict[Path, None] = {}
+    for argument in arguments:
+        try:
+            files = [argument] if argument.is_file() else databases_in(argument)
+        except IngestError as error:
+            raise IngestError(f"--dbc {error}") from None
+        if not files:
+            raise IngestError(f"--dbc {argument}: holds no signal database: correct the path, or name the files.")
+        found |= dict.fromkeys(files)
+    return list(found)
+
+
+def databases_in(argument: Path) -> list[Path]:
+    """The signal databases in a folder, or among the files that fit a pattern. Raises IngestError where it is not
+    there."""
+    return [path for path in files_in(argument) if path.suffix.lower() in DATABASES or _looks_like_a_database(path)]
+
+
+def _looks_like_a_database(path: Path) -> bool:
+    try:
+        return recognise(path) == ANY_TEXT and not is_table(path) and is_database(path)
+    except (UnreadableLogError, OSError):
+        return False
+
+
+def _add(given: GivenLogs, argument: Path, folder: Path, known: Collection[Path]) -> None:
     before = len(given.logs), len(given.refused)
-    for number, path in enumerate(_files(argument)):
+    for number, path in enumerate(files_in(argument)):
         for one in _members(given, path, folder / str(number)):
             why = None if one == argument else _no_log(one)
-            if why:
-                given.skipped.append(f"{why} Skipped.")
-            else:
+            if why is None:
                 given.logs[one] = argument
+            elif one.resolve() not in known:
+                given.skipped.append(f"{why} Skipped.")
     if (len(given.logs), len(given.refused)) == before:
         given.refused.append(f"{argument}: holds no log: correct the path, or name the files.")
 
 
-def _files(argument: Path) -> list[Path]:
-    """The file that was named, or those of a folder, of those in it, or of a pattern; not those of a store."""
+def files_in(argument: Path) -> list[Path]:
+    """The file that was named, or those of a folder, of those in it, or of a pattern; not those of a store. Raises
+    IngestError where nothing is there."""
     if argument.is_file():
         return [argument]
     pattern = str(argument)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from ingest.bench.bench_file import SCHEMA, read_bench
 from ingest.errors import IngestError
 from ingest.facts.facts import Facts
+from ingest.intake.given import databases_in, files_in
 from ingest.intake.intake import Intake
 from ingest.intake.setup import MotorFile, Setup, prepare, sealed_setup
 from ingest.log.databases import load
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from ingest.facts.store import Store
 
 NO_BENCH = "no bench file"
-DATABASES = (".dbc", ".kcd", ".sym", ".arxml")
 
 
 @dataclass(frozen=True)
@@ -81,9 +81,9 @@ def _without(databases: Sequence[Path], source: str) -> FoundSetup:
 def _lying(arguments: Sequence[Path]) -> tuple[list[Path], list[Path]]:
     """Bench files and signal databases in the folders among the arguments, in all that lies in these."""
     folders = [argument for argument in arguments if argument.is_dir()]
-    files = sorted(path for folder in folders for path in folder.rglob("*") if path.is_file())
+    files = [path for folder in folders for path in files_in(folder)]
     benches = [path for path in files if path.suffix.lower() == ".toml" and _is_bench(path)]
-    return benches, [path for path in files if path.suffix.lower() in DATABASES]
+    return benches, [path for folder in folders for path in databases_in(folder)]
 
 
 def _is_bench(path: Path) -> bool:

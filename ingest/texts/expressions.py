@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from ingest.errors import ExpressionError
 from ingest.texts.nearest import hint
-from ingest.texts.powers import hypot, power
+from ingest.texts.powers import exp, hypot, ln, log10, power
 
 Array = NDArray[np.float64]
 LONGEST, DEEPEST = 2000, 50  # characters; parentheses, calls, signs and powers within each other
@@ -39,6 +39,11 @@ FUNCTIONS: Mapping[str, tuple[Callable[..., Any], int | None]] = {  # name -> fu
     "hypot": (hypot, 2),
     "sqrt": (np.sqrt, 1),
     "abs": (np.abs, 1),
+    "exp": (exp, 1),
+    "ln": (ln, 1),
+    "log": (ln, 1),
+    "log10": (log10, 1),
+    "pow": (power, 2),
     "min": (lambda *values: reduce(np.minimum, values), None),
     "max": (lambda *values: reduce(np.maximum, values), None),
     "mean": (lambda *values: reduce(np.add, values) / len(values), None),

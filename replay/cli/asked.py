@@ -141,5 +141,12 @@ def ask_reason(parser: argparse.ArgumentParser) -> None:
 
 
 def ask_databases(parser: argparse.ArgumentParser) -> None:
-    says = "signal database; may be repeated"
+    says = "signal database (.dbc .kcd .sym .arxml), folder or pattern of them; may be repeated"
     parser.add_argument("--dbc", metavar="D", type=Path, action="append", default=[], help=says)
+
+
+def databases_of(args: argparse.Namespace) -> list[Path]:
+    """What `ask_databases` asked for. Raises IngestError where something is not there, or is no database."""
+    from ingest.intake.given import databases_given
+
+    return databases_given(args.dbc)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from replay.cli.answer import Answer, provenance, store_folder
-from replay.cli.asked import ask_databases, ask_reason, ask_said
+from replay.cli.asked import ask_databases, ask_reason, ask_said, databases_of
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,7 +30,7 @@ def run(args: argparse.Namespace) -> Answer:
     if said == Override() and args.bench is None and not args.dbc:
         raise CorrectionError("nothing to correct: say what is right: --bench, --dbc, --specimen, --batch or --kind")
     with Store.open(store_folder(args), write=True) as store:
-        done = correct(store, args.what, said, (args.bench, args.dbc), args.reason, for_intake, tell)
+        done = correct(store, args.what, said, (args.bench, databases_of(args)), args.reason, for_intake, tell)
         found = stale(store.ledger.events(), done.after)
         store.ledger.seal()
         answer = put_right_json(done, args.reason, found)

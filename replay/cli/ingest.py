@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from replay.cli.answer import Answer, provenance, store_folder
-from replay.cli.asked import ask_databases, ask_logs, ask_said, ask_workers, workers_of
+from replay.cli.asked import ask_databases, ask_logs, ask_said, ask_workers, databases_of, workers_of
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,9 +25,10 @@ def run(args: argparse.Namespace) -> Answer:
     from replay.engine.files.models import for_intake
     from replay.show.verbs.intake import intake_json, intake_text
 
-    with opened(args.files) as given:
+    databases = databases_of(args)
+    with opened(args.files, databases) as given:
         logs = [*given.logs]
-        setup = prepare(logs, args.bench, args.dbc, for_intake)
+        setup = prepare(logs, args.bench, databases, for_intake)
         with Store.open(store_folder(args), create=True, write=True) as store:
             said = Override(args.specimen, args.batch, args.kind)
             intake = take_in(store, logs, setup, said, tell, workers=workers_of(args))

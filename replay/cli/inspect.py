@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from replay.cli.answer import Answer, provenance
-from replay.cli.asked import ask_databases, ask_logs
+from replay.cli.asked import ask_databases, ask_logs, databases_of
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,8 +21,9 @@ def run(args: argparse.Namespace) -> Answer:
     from ingest.intake.inspection import draft, inspect
     from replay.show.verbs.inspection import inspection_json, inspection_text, next_step, nothing_to_draft
 
-    with opened(args.files) as given:
-        found = inspect([*given.logs], args.dbc, args.bench)
+    databases = databases_of(args)
+    with opened(args.files, databases) as given:
+        found = inspect([*given.logs], databases, args.bench)
     notes, wanted, lines = [*given.refused, *found.refusals], args.bench_draft, [inspection_text(found)]
     empty = nothing_to_draft(found, args.dbc, wanted) if wanted else None
     if empty:

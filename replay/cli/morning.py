@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from replay.cli.answer import Answer, provenance, store_folder
-from replay.cli.asked import ask_databases, ask_logs
+from replay.cli.asked import ask_databases, ask_logs, databases_of
 
 if TYPE_CHECKING:
     from ingest.facts.facts import Facts
@@ -37,8 +37,9 @@ def run(args: argparse.Namespace) -> Answer:
     from replay.engine.files.models import for_intake
     from replay.show.verbs.morning import morning_json, morning_text
 
-    with opened(args.files) as given, _stores(store_folder(args), args.ingest) as (store, past):
-        found = found_setup(args.files, [*given.logs], args.bench, args.dbc, for_intake, past)
+    databases = databases_of(args)
+    with opened(args.files, databases) as given, _stores(store_folder(args), args.ingest) as (store, past):
+        found = found_setup(args.files, [*given.logs], args.bench, databases, for_intake, past)
         found, intake = taken_as_found(found, lambda setup: take_in(store, [*given.logs], setup, Override(), tell))
         tell("looking")
         answer = morning(store, intake, past, found.source, args.ingest)

@@ -20,8 +20,12 @@ from analytics import scans, tables, warehouse
 from analytics.errors import WarehouseError
 from ingest.errors import LedgerError
 from ingest.facts.events import SessionRecorded, SessionRegrouped
+from ingest.facts.sessions import Override
 from ingest.facts.store import Store
+from ingest.intake.intake import take_in
+from ingest.intake.setup import prepare
 from made.places import on_disk
+from made.tables import ONE_CHANNEL
 
 SECOND = 1_000_000_000
 START = 1_760_000_000 * SECOND
@@ -66,6 +70,29 @@ def test_a_table_of_many_sessions_has_the_same_samples_by_another_join(
     with warehouse.refresh(shared_store, now) as many:
         assert many.connection.execute("SELECT count(*) > 0 FROM base.values_of_many").fetchall() == [(True,)]
         assert warehouse.digest(many.connection) == expected
+
+
+def test_a_value_that_another_file_of_the_session_has_too_is_flagged_in_one_of_them(tmp_path: Path) -> None:
+    """A log of ten seconds, and another one of its first six with a channel more; each lacks a value."""
+    head, table, channel = ONE_CHANNEL.partition("[[channel]]")
+    bench = head + table + channel + table + channel.replace('"T"', '"t"')
+    (tmp_path / "bench.toml").write_text(bench, encoding="utf-8")
+    tables = {"long.csv": ["time,T"], "short.csv": ["time,T,t"]}
+    for i in range(10):
+        tables["long.csv"].append(f"2025-10-09T08:00:0{i}Z,{'' if i == 3 else i}")
+    for i in range(6):
+        tables["short.csv"].append(f"2025-10-09T08:00:0{i}Z,{'' if i == 0 else i},{i}")
+    for name, rows in tables.items():
+        (tmp_path / name).write_text("\n".join(rows) + "\n", encoding="utf-8")
+    logs = [tmp_path / name for name in tables]
+    with Store.open(tmp_path / "store", create=True) as store:
+        take_in(
+            store, logs, prepare(logs, tmp_path / "bench.toml", [], lambda path: pytest.fail(str(path))), Override()
+        )
+        twice = ask(store, "SELECT channel, name, record FROM samples JOIN files USING (file_id) WHERE doubled")
+        assert sorted(twice) == [("T", "short.csv", record) for record in (1, 2, 4, 5)]
+        left = "SELECT session, channel, count(*), count(DISTINCT t_ns) FROM samples WHERE NOT doubled GROUP BY ALL"
+        assert sorted(one[1:] for one in ask(store, left)) == [("T", 10, 10), ("t", 6, 6)]
 
 
 @pytest.mark.parametrize("condition", ["true", "value <= 28", "value < 1e9", "NOT isnan(value)", "value <> 0.5"])

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from replay.studies.diagnosis.answer import KeptGain
-from twin.diagnosis.gain import held_out_gain, removes_excess
+from twin.diagnosis.gain import OPENING, held_out_gain, removes_excess
 from twin.diagnosis.kept_tests import KeptTests, Prediction, kept_tests
 from twin.diagnosis.posterior_mode import slowest_mode_s
 from twin.errors import DivergedError
@@ -71,7 +71,10 @@ def measured(
     floors = {s.channel: floor_variance(s, final.model.noise_of(s.channel)) for s in final.model.residuals(final.beta)}
     halves = removes_excess(_by_channel(before), _by_channel(after), floors)
     why = None
-    if not score.positive:
+    if len(score.blocks) == 1 and score.total > 0:
+        stretches = f"two stretches of {block_s / 60:.0f} min are needed behind its first {OPENING:.0%}"
+        why = f"the kept session is too short to judge by: {stretches}"
+    elif not score.positive:
         why = f"the kept sessions are not predicted better: log score {score.total:+.1f}, at least {score.lower:+.1f}"
     elif not halves:
         why = "less than half of the excess error of the kept sessions went: recalibration had absorbed the rest"

@@ -25,9 +25,8 @@ from ingest.formats import (
 )
 from ingest.formats._no_logs import NO_LOGS
 from made.damaged import check_account, read, read_damaged, sample
+from made.every_format import LIBRARIES
 from made.places import LOGS
-
-LIBRARIES = {"tdms": "nptdms", "xlsx": "python_calamine"}  # of formats that are an extra
 
 
 def with_its_library(entry: Format) -> Any:

@@ -22,20 +22,24 @@ NAN = float("nan")
 
 
 def write(
-    path: Path, some: Sequence[Message], encoding: str = "json", schema: tuple[str, str | bytes] = ("", "")
+    path: Path,
+    some: Sequence[Message],
+    encoding: str = "json",
+    schema: tuple[str, str | bytes] = ("", ""),
+    published: Sequence[float] = (),
 ) -> Path:
-    """A file with these messages; `schema`: its encoding and text."""
+    """A file with these messages; `schema`: its encoding and text; `published`: when each was, in seconds as `some`."""
     with path.open("wb") as file:
         writer = Writer(file, chunk_size=200, compression=CompressionType.ZSTD)
         writer.start("test", "test")
         text = schema[1] if isinstance(schema[1], bytes) else schema[1].encode()
         told = writer.register_schema("Told", schema[0], text) if schema[0] else 0
         channels: dict[str, int] = {}
-        for topic, t, data in some:
+        for (topic, t, data), source_t in zip(some, published or [t for _, t, _ in some], strict=True):
             if topic not in channels:
                 channels[topic] = writer.register_channel(topic, encoding, told)
             stamp = START_NS + round(t * 1e9)
-            writer.add_message(channels[topic], stamp, data, publish_time=stamp)
+            writer.add_message(channels[topic], stamp, data, publish_time=START_NS + round(source_t * 1e9))
         writer.finish()  # type: ignore[no-untyped-call]
     return path
 
@@ -53,6 +57,25 @@ def test_numbers_of_json_become_columns_of_their_topic(tmp_path: Path) -> None:
     assert same(columns["/motor.cells[0]"], [1.5, 3]) and same(columns["/motor.cells[1]"], [2.5, NAN])
     assert log.settings["left_out"] == ["/motor.name (1)"]
     assert log.settings["groups"] == {"/motor": 2, "/speed": 1} and log.absolute and log.cut is None
+
+
+@pytest.mark.parametrize(
+    ("published", "t", "delay"),
+    [
+        ((0, 1, 2), (0, 1, 2), (0.5, 0.25, 30)),  # the last one waited
+        ((-37, -36, -35), (0.5, 1.25, 32), (37.5, 37.25, 67)),  # a clock that is late
+        ((1, 1.75, 32.5), (0.5, 1.25, 32), (-0.5, -0.5, -0.5)),  # one that is ahead
+        ((0.5, 0.5, 0.5), (0.5, 1.25, 32), (0, 0.75, 31.5)),  # no clock
+        ((-START_NS / 1e9,) * 3, (0.5, 1.25, 32), None),  # no time
+    ],
+)
+def test_the_time_of_publishing_counts_where_its_clock_agrees_and_the_delay_is_kept(
+    published: Sequence[float], t: Sequence[float], delay: Sequence[float] | None, tmp_path: Path
+) -> None:
+    some = [("/a", t, json.dumps({"x": x}).encode()) for x, t in enumerate((0.5, 1.25, 32.0))]
+    log, columns = read(write(tmp_path / "log", some, published=published))
+    assert columns == {"t": [*t], "/a.x": [0, 1, 2]} | ({"/a.publish_delay": [*delay]} if delay else {})
+    assert log.units == ({"/a.publish_delay": "s"} if delay else {})
 
 
 def test_a_message_that_is_no_json_is_rejected(tmp_path: Path) -> None:

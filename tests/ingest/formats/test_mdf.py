@@ -88,12 +88,32 @@ def text_refs(file: Mdf4, *texts: str) -> list[int]:
         (lambda file: file.conversion(RATIONAL, (0, 0, 1, 0, 1, 0)), [4, 0], [0.25, float("nan")]),
         (lambda file: file.conversion(FORMULA, (), [file.text("(X1 - 32) * 5 / 9")]), [212, 32], [100, 0]),
         (lambda file: file.conversion(FORMULA, (), [file.text("X^2 / 4")]), [3, -4], [2.25, 4]),
+        (lambda file: file.conversion(FORMULA, (), [file.text("1/(1/300+ln(X/100)/3000)")]), [100], [300]),
+        (
+            lambda file: file.conversion(FORMULA, (), [file.text("ln(X1/X1)+pow(X1,2)+exp(0)")]),
+            [10, 0],
+            [101, float("nan")],
+        ),
+        (lambda file: file.conversion(FORMULA, (), [file.text("log(exp(X1/100))")]), [0, 100], [0, 1]),
         (lambda file: file.conversion(INTERPOLATED, (0, 10, 4, 30)), [-1, 1, 4, 9], [10, 15, 30, 30]),
         (lambda file: file.conversion(NEAREST, (0, 10, 4, 30)), [-1, 1, 2, 3, 9], [10, 10, 10, 30, 30]),
         (lambda file: file.conversion(RANGES, (0, 1, 5, 2, 3, 6, 99)), [0, 1, 2, 3, 4, -1], [5, 5, 6, 6, 99, 99]),
         (lambda file: file.conversion(0), [7], [7]),
     ],
-    ids=["linear", "rational", "by zero", "formula", "power", "interpolated", "nearest", "ranges", "identity"],
+    ids=[
+        "linear",
+        "rational",
+        "by zero",
+        "formula",
+        "power",
+        "NTC",
+        "functions",
+        "natural",
+        "interpolated",
+        "nearest",
+        "ranges",
+        "identity",
+    ],
 )
 def test_conversions_are_applied(
     law: Callable[[Mdf4], int], raw: list[int], expected: list[float], tmp_path: Path
@@ -127,7 +147,7 @@ def test_a_text_among_numbers_is_a_missing_number_and_counted(tmp_path: Path) ->
     ("formula", "says"),
     [
         ("__import__('os').system('touch gone')", '"__import__" is no function'),
-        ("exp(X)", '"exp" is no function'),
+        ("atan(X)", '"atan" is no function'),
         ("X + Y", "names more than the value X"),
         ("(" * 100 + "X" + ")" * 100, "nested deeper"),
         ("", "the expression ends"),
@@ -358,13 +378,13 @@ def test_the_sample_holds_a_group_at_ten_hertz_and_one_a_second() -> None:
 def test_a_channel_that_goes_missing_is_said_before_anything_is_stored(tmp_path: Path) -> None:
     file = Mdf4()
     law = file.conversion(TEXTS, (5,), [file.text("SNA"), file.conversion(LINEAR, (0, 1))])
-    odd = Channel("odd", SIGNED, 8, 16, law=file.conversion(FORMULA, (), [file.text("ln(X)")]))
+    odd = Channel("odd", SIGNED, 8, 16, law=file.conversion(FORMULA, (), [file.text("tan(X)")]))
     some = (SECONDS, Channel("x", SIGNED, 8, 16, law=law), odd)
     path = file.save(tmp_path / "log.mf4", file.stored("g", some, records((0, 5), (1, 6)), 10), start_ns=START_NS)
     text = inspection_text(inspect([path], [], None))
     assert "log.mf4   mdf   2 rows in" in text
     assert "missing, a text in place of a number: g/x (1)" in text
-    assert 'left out: g/odd: expression "ln(X)", position 1: "ln" is no function' in text
+    assert 'left out: g/odd: expression "tan(X)", position 1: "tan" is no function' in text
 
 
 def test_a_file_that_is_encrypted_behind_its_head_is_refused_with_a_way_out(tmp_path: Path) -> None:

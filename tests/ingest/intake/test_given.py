@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import os
+import re
 import shutil
 import zipfile
 from pathlib import Path
@@ -14,7 +15,7 @@ from ingest.errors import IngestError
 from ingest.facts import facts
 from ingest.facts.sessions import Override
 from ingest.facts.store import Store
-from ingest.intake.given import opened
+from ingest.intake.given import databases_given, opened
 from ingest.intake.intake import take_in
 from ingest.intake.making import redecode
 from ingest.intake.setup import MotorFile, prepare
@@ -135,17 +136,31 @@ def test_logs_of_an_archive_are_facts_of_their_own_and_are_made_again_from_them(
     assert list((tmp_path / "store" / "decoded").glob("*/recording.mcap"))
 
 
-@pytest.mark.parametrize(
-    ("name", "text"),
-    [
-        ("bus.dbc", 'VERSION ""\nNS_ :\nBU_: ECU\n'),
-        ("bare.dbc", "BO_ 256 Drive: 8 ECU\n"),
-        ("bus.kcd", '<?xml version="1.0"?>\n<NetworkDefinition xmlns="http://kayak.2codeornot2code.org/1.0">\n'),
-        ("bus.sym", 'FormatVersion=6.0 // Do not edit this line!\nTitle="bus"\n'),
-    ],
-)
+DATABASES = [
+    ("bus.dbc", 'VERSION ""\nNS_ :\nBU_: ECU\n'),
+    ("bare.dbc", "BO_ 256 Drive: 8 ECU\n"),
+    ("bus.kcd", '<?xml version="1.0"?>\n<NetworkDefinition xmlns="http://kayak.2codeornot2code.org/1.0">\n'),
+    ("bus.sym", 'FormatVersion=6.0 // Do not edit this line!\nTitle="bus"\n'),
+]
+
+
+@pytest.mark.parametrize(("name", "text"), DATABASES)
 def test_a_database_in_a_folder_is_named_as_one(tmp_path: Path, name: str, text: str) -> None:
     (tmp_path / name).write_text(text, encoding="utf-8")
     (tmp_path / "1.csv").write_text(TABLE, encoding="utf-8")
     with opened([tmp_path]) as given:
         assert given.skipped == [f"{name}: describes signals of a bus: give it with --dbc. Skipped."]
+
+
+def test_databases_are_given_as_files_folders_and_patterns_and_named_no_more(night: Path) -> None:
+    for name, text in DATABASES:
+        (night / "sub" / name).write_text(text, encoding="utf-8")
+    (night / "sub" / "bus.txt").write_text(DATABASES[0][1], encoding="utf-8")
+    names = {name: night / "sub" / name for name in ("bare.dbc", "bus.dbc", "bus.kcd", "bus.sym", "bus.txt")}
+    assert databases_given([night]) == list(names.values())
+    assert databases_given([night / "*" / "*.dbc", names["bus.dbc"]]) == [names["bare.dbc"], names["bus.dbc"]]
+    with opened([night / "sub"], databases_given([night / "sub"])) as given:
+        assert [path.name for path in given.logs] == ["S3"] and given.skipped == []
+    for argument, why in (("2*", "holds no signal database"), ("a*", "nothing fits"), ("gone.dbc", "there is no such")):
+        with pytest.raises(IngestError, match=rf"^--dbc .*{re.escape(argument)}: {why}"):
+            databases_given([night / argument])

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import can
 import pytest
 
 from made import can_bench
+from made.every_format import WRITERS, Record, can_be_read, write_csv
 from replay.cli import main
 
 Capture = pytest.CaptureFixture[str]
-Record = tuple[float, float]  # seconds since the start, temperature
 
-START = 1_760_000_000.0
 GOOD: list[Record] = [(0.5 * i, 20 + i / 100) for i in range(400)]
 BENCH = """\
 schema = "whyhot.bench/1"
@@ -28,22 +26,7 @@ node = "winding"
 """
 
 
-def write_csv(path: Path, records: Sequence[Record]) -> None:
-    lines = [f"{START + t_s:.3f},{value:.2f}\n" for t_s, value in records]
-    path.write_text("epoch_s,TC_winding\n" + "".join(lines), encoding="utf-8")
-
-
-def write_can(path: Path, records: Sequence[Record]) -> None:
-    with can.Logger(str(path)) as log:
-        for t_s, value in records:
-            data = round(100 * value).to_bytes(2, "little") + bytes(6)
-            log.on_message_received(
-                can.Message(timestamp=START + t_s, arbitration_id=512, is_extended_id=False, data=data, channel=0)
-            )
-
-
-WRITERS: dict[str, Callable[[Path, Sequence[Record]], None]] = {"csv": write_csv, "blf": write_can, "asc": write_can}
-every_format = pytest.mark.parametrize("suffix", WRITERS)
+every_format = pytest.mark.parametrize("suffix", ["csv", "blf", "asc"])
 
 
 def answer(capsys: Capture, *words: str) -> dict[str, Any]:
@@ -128,6 +111,29 @@ def test_a_block_that_is_written_twice_is_no_step_of_the_clock(tmp_path: Path, c
 def test_a_clock_that_jumps_by_days_is_said(tmp_path: Path, capsys: Capture, suffix: str) -> None:
     set_on = [(t_s if i < 300 else t_s + 10 * 86_400, value) for i, (t_s, value) in enumerate(GOOD)]
     assert said(tmp_path, capsys, suffix, set_on) == ["its clock jumps on, or the log paused, by 10.0 days"]
+
+
+def test_every_fault_is_told_of_a_log_of_any_format(tmp_path: Path, capsys: Capture) -> None:
+    records = [
+        *GOOD[:100],
+        *GOOD[60:100],  # a block again
+        *(one for record in GOOD[100:103] for one in (record, record)),
+        *(one for t_s, value in GOOD[103:105] for one in ((t_s, value), (t_s, value + 1))),
+        *GOOD[105:200],
+        *((t_s - 37.25, value) for t_s, value in GOOD[200:300]),
+        *((t_s + 10 * 86_400, value) for t_s, value in GOOD[300:]),
+    ]
+    for name in can_be_read():
+        WRITERS[name](tmp_path / name, records)
+    found = {one["name"]: one["stamps"] for one in answer(capsys, "inspect", str(tmp_path))["files"]}
+    says = [
+        "its clock steps back by 36.8 s",
+        "its clock jumps on, or the log paused, by 10.0 days",
+        "3 records with stamp and values of another one",
+        "2 records with the stamp of another one and other values",
+        "a block of 40 records in all stands in it twice",
+    ]
+    assert found == dict.fromkeys(can_be_read(), says)
 
 
 @pytest.mark.parametrize("stamp_s", [2.3e9, -1.7e9], ids=["2098", "1971"])

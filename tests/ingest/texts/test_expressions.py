@@ -25,6 +25,9 @@ VALUES = {"a": A, "b": B, "Motor.Speed [rpm]": B}
         ("min(a, b, 0)", np.array([0.0, -4.0, np.nan])),
         ("max(a, b)", np.array([4.0, 3.0, np.nan])),
         ("abs(a)", np.abs(A)),
+        ("exp(a)", np.exp(A)),
+        ("ln(b) + log(b) + log10(a)", np.array([2 * np.log(4.0) + np.log10(3.0), np.nan, np.nan])),
+        ("pow(b, 2)", B**2),
         ("a - b - 1", A - B - 1),
         ("a / b / 2", A / B / 2),
         ("a + b * 2", A + 2 * B),
@@ -97,7 +100,7 @@ def test_a_refusal_says_what_is_allowed() -> None:
         parse("a % b")
     assert str(caught.value) == (
         'expression "a % b", position 3: "%" is not allowed. Allowed are numbers, signals (others than plain names in '
-        "`backquotes`), + - * / ** and hypot sqrt abs min max mean."
+        "`backquotes`), + - * / ** and hypot sqrt abs exp ln log log10 pow min max mean."
     )
 
 

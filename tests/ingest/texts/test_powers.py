@@ -1,4 +1,4 @@
-"""Powers and right-angled sums of derived channels: against sixty digits, and bit by bit."""
+"""Powers, logarithms and right-angled sums of derived channels: against sixty digits, and bit by bit."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ingest.texts.expressions import parse
-from ingest.texts.powers import hypot, power
+from ingest.texts.powers import exp, hypot, ln, log10, power
 
 Floats = NDArray[np.float64]
 RANDOM = np.random.default_rng(7)
@@ -65,9 +65,38 @@ def test_powers_at_the_borders_are_those_of_arithmetic() -> None:
     )
 
 
-def test_derived_channels_have_the_same_bits_on_every_machine() -> None:
+def test_exponentials_and_logarithms_are_as_near_as_they_say() -> None:
+    x = np.concatenate([RANDOM.uniform(-700.0, 700.0, 400), RANDOM.uniform(-1.0, 1.0, 400)])
+    y = np.concatenate([np.exp(x), 1 + RANDOM.uniform(-1e-6, 1e-6, 400)])
+    with localcontext() as context:
+        context.prec = 60
+        powers, numbers = [Decimal(value).exp() for value in x.tolist()], [Decimal(value) for value in y.tolist()]
+        natural, decimal = [one.ln() for one in numbers], [one.log10() for one in numbers]
+    assert worst(exp(x), powers) < 4e-16
+    assert worst(ln(y), natural) < 4e-16
+    assert worst(log10(y), decimal) < 6e-16
+
+
+def test_exponentials_and_logarithms_at_the_borders() -> None:
+    nan, inf = np.nan, np.inf
+    with np.errstate(all="ignore"):
+        np.testing.assert_array_equal(exp(np.array([nan, inf, 1e9, -1e9, 0.0])), [nan, inf, inf, 0.0, 1.0])
+        np.testing.assert_array_equal(ln(np.array([nan, inf, 0.0, -1.0, 1.0])), [nan, nan, nan, nan, 0.0])
+    assert ln(5e-324) == pytest.approx(-744.4400719213812, rel=4e-16)
+
+
+@pytest.mark.parametrize(
+    ("text", "digest"),
+    [
+        (
+            "hypot(d, q) / sqrt(2) + abs(q)**1.3 - q**(d / 300)",
+            "458ca1f6da03834e142eab9305c8c9f798e4dbd566f23dd81a812ca887a15545",
+        ),
+        ("exp(d / 99) + ln(q) * log10(q)", "a0253ccd60232f06300bba061283e579e485b43632d88205a0aced9298932449"),
+    ],
+)
+def test_derived_channels_have_the_same_bits_on_every_machine(text: str, digest: str) -> None:
     d, q = np.arange(1, 2001) * 0.37 - 300.0, np.arange(2000, 0, -1) * 0.41
-    values = parse("hypot(d, q) / sqrt(2) + abs(q)**1.3 - q**(d / 300)").evaluate({"d": d, "q": q})
+    values = parse(text).evaluate({"d": d, "q": q})
     assert np.isfinite(values).all()
-    digest = hashlib.sha256(values.astype("<f8").tobytes()).hexdigest()
-    assert digest == "458ca1f6da03834e142eab9305c8c9f798e4dbd566f23dd81a812ca887a15545"
+    assert hashlib.sha256(values.astype("<f8").tobytes()).hexdigest() == digest

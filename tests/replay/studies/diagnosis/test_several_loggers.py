@@ -25,36 +25,46 @@ from twin.errors import DivergedError
 
 Capture = pytest.CaptureFixture[str]
 
-SESSIONS = {"1_a": (600, 1), "2_b": (600, 2), "3_c": (2000, 3)}
+DRIVES = {"1_a": (600, 1), "2_b": (600, 2), "3_c": (2000, 3), "4_d": (600, 4)}  # seconds, seed
+SESSIONS = ("1_a", "2_b", "3_c")
 ASKED = ("diagnose", "--on", "1_a", "2_b", "--hold-out", "3_c")
 PLAIN = ("TC_winding", "TC_yoke", "TC_magnet")
 OURS = ("T_Wickl", "T_Rücken", "T_Magnet")
+THEIRS = ("T_avvolg", "T_giogo", "T_magn")
+INPUTS = ("n", "I", "T_in")
 NODES = ("winding", "yoke", "magnet")
 TOO_MUCH_K = 12.0  # reading less truth at the winding
 
 
-def write_log(folder: Path, name: str, columns: Mapping[str, str]) -> Path:
-    """A table of 1 Hz; `columns`: name -> node that it reads."""
-    seconds, seed = SESSIONS[name]
+def write_log(
+    folder: Path,
+    name: str,
+    columns: Mapping[str, str],
+    inputs: tuple[str, str, str] = INPUTS,
+    too_much_K: float = TOO_MUCH_K,
+) -> Path:
+    """A table of 1 Hz; `columns`: name -> node that it reads; `inputs`: names of speed, current and coolant."""
+    seconds, seed = DRIVES[name]
     speed, current = can_bench.drive(seconds, seed)
-    shown = can_bench.truth(speed, current, 30.0, magnet_loss=90.0)[:-1] + np.array([TOO_MUCH_K, 0.0, 0.0])
+    shown = can_bench.truth(speed, current, 30.0, magnet_loss=90.0)[:-1] + np.array([too_much_K, 0.0, 0.0])
     t_s = can_bench.START + np.arange(seconds) + 86_400.0 * seed
     read = [shown[:, NODES.index(node)] for node in columns.values()]
     table = np.column_stack([t_s, speed[::10], current[::10], np.full(seconds, 30.0), *read])
     path = folder / f"{name}.csv"
-    header = ",".join(["epoch_s", "n", "I", "T_in", *columns])
+    header = ",".join(["epoch_s", *inputs, *columns])
     np.savetxt(path, table, "%.2f", ",", header=header, comments="", encoding="utf-8")
     return path
 
 
-def bench(*names: Mapping[str, str]) -> str:
-    """A bench file for tables with these columns of temperature."""
+def bench(*names: Mapping[str, str], inputs: tuple[str, str, str] = INPUTS) -> str:
+    """A bench file for tables with these columns of temperature, and of speed, current and coolant."""
+    speed, current, coolant = inputs
     tables = ['schema = "whyhot.bench/1"\nmotor = "motor.toml"\nspecimen = "servo-01"\n[time]\ncolumn = "epoch_s"']
     tables += [
         f'[[channel]]\nsignal = "{name}"\nquantity = "{quantity}"\nunit = "{unit}"'
-        for name, quantity, unit in (("n", "speed", "rpm"), ("I", "current", "A"))
+        for name, quantity, unit in ((speed, "speed", "rpm"), (current, "current", "A"))
     ]
-    for name, node in {"T_in": "coolant"}.items() | {c: n for some in names for c, n in some.items()}.items():
+    for name, node in {coolant: "coolant"}.items() | {c: n for some in names for c, n in some.items()}.items():
         tables.append(f'[[channel]]\nsignal = "{name}"\nquantity = "temperature"\nunit = "degC"\nnode = "{node}"')
     return "\n".join(tables) + "\n"
 
@@ -76,9 +86,9 @@ def ingested(folder: Path, logs: Mapping[str, Mapping[str, str]]) -> Path:
     return folder / "store"
 
 
-def asked(store: Path, capsys: Capture, code: int = 0) -> dict[str, Any]:
+def asked(store: Path, capsys: Capture, code: int = 0, words: tuple[str, ...] = ASKED) -> dict[str, Any]:
     capsys.readouterr()
-    assert main([*ASKED, "--json", "--store", str(store)]) == code, capsys.readouterr().err
+    assert main([*words, "--json", "--store", str(store)]) == code, capsys.readouterr().err
     answer: dict[str, Any] = json.loads(capsys.readouterr().out)
     return answer
 
@@ -245,6 +255,35 @@ def test_two_names_of_one_sensor_in_one_bench_file_are_learnt_from(tmp_path: Pat
     answer = asked(store, capsys)
     assert answer["why_no_files"] is None
     assert [cause["id"] for cause in answer["causes"]] == ["sensor.winding.bias"]
+
+
+def test_tables_of_three_vocabularies_and_a_bus_log_are_diagnosed_together(tmp_path: Path, capsys: Capture) -> None:
+    """One motor and four loggers, one of which reads the winding wrongly."""
+    english, german = ("speed", "current", "T_inlet"), ("Drehzahl", "Strom", "T_Vorlauf")
+    tables = {
+        "1_a": (PLAIN, english, 0.0),
+        "2_b": (OURS, german, TOO_MUCH_K),
+        "3_c": (OURS, german, TOO_MUCH_K),
+        "4_d": (THEIRS, ("giri", "I_fase", "T_acqua"), 0.0),
+    }
+    can_bench.write_files(tmp_path)
+    can_bench.write_log(tmp_path / "5_e.blf", 600, seed=5, start=can_bench.START + 5 * 86_400.0, magnet_loss=90.0)
+    logs = [[str(tmp_path / "5_e.blf"), "--bench", str(tmp_path / "bench.toml"), "--dbc", str(tmp_path / "bench.dbc")]]
+    for name, (names, inputs, too_much_K) in tables.items():
+        path = tmp_path / f"bench_{inputs[0]}.toml"
+        path.write_text(bench(columns(names), inputs=inputs), encoding="utf-8")
+        logs.append([str(write_log(tmp_path, name, columns(names), inputs, too_much_K)), "--bench", str(path)])
+    for words in logs:
+        assert main(["ingest", *words, "--store", str(tmp_path / "store")]) == 0
+    on = ("diagnose", "--on", "1_a", "2_b", "4_d", "5_e", "--hold-out", "3_c")
+    answer = asked(tmp_path / "store", capsys, words=on)
+    (cause,) = answer["causes"]
+    assert cause["id"] == "sensor.winding@T_Wickl.bias"
+    assert cause["estimate"] == pytest.approx(TOO_MUCH_K, abs=1.0)
+    assert cause["why_not_improved"].startswith("the kept session is too short to judge by: two stretches of ")
+    assert answer["masked"] == [] and {gain["node"] for gain in answer["gain"]} == set(NODES)
+    ((_, sha256),) = answer["extended_benches"].items()
+    assert corrections(tmp_path / "store", sha256) == {"sensor.winding.bias": pytest.approx(TOO_MUCH_K, abs=1.0)}
 
 
 def test_one_of_two_names_in_a_bench_file_is_called_by_its_signal(tmp_path: Path, capsys: Capture) -> None:

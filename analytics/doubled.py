@@ -1,0 +1,91 @@
+"""Which values of `samples` are said a second time: `base.doubled`, as file, record and channel (null: all of them).
+
+Within a file these are records that repeat the stamp of one before. Between files of a session that overlap in time (a
+log that grew and came again, two loggers of one channel) they are values of a channel that another file has at the same
+stamp: the file that begins first counts, of two that begin together the longer one. Files are read only where they
+share a channel, and only where they overlap.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from analytics.scans import column_names, name, read_schema, text
+
+if TYPE_CHECKING:
+    import duckdb
+
+    from ingest.facts.bucket import Bucket
+
+SESSION = "whyhot session"  # no signal is called so
+# The two files, from when to when, (channel, its column in each) of what both have, and all columns of the later one.
+OVERLAPS = """
+WITH held AS (SELECT DISTINCT session, decode FROM base.session_files)
+SELECT
+    fa.file, fb.file, first_ns, last_ns, list((a.channel, a.column_name, b.column_name) ORDER BY a.place),
+    (
+        SELECT list(c.column_name ORDER BY c.place) FROM base.channels AS c
+        WHERE c.decode = after AND c.group_name = fb.group_name
+    )
+FROM (
+    SELECT DISTINCT
+        x.decode AS before, y.decode AS after, y.start_ns AS first_ns, least(x.end_ns, y.end_ns) AS last_ns
+    FROM held AS sx
+    JOIN held AS sy ON sy.session = sx.session AND sy.decode <> sx.decode
+    JOIN base.decodes AS x ON x.decode = sx.decode
+    JOIN base.decodes AS y ON y.decode = sy.decode
+    WHERE (x.start_ns, -x.end_ns, x.raw) < (y.start_ns, -y.end_ns, y.raw) AND y.start_ns <= x.end_ns
+)
+JOIN base.channels AS a ON a.decode = before
+JOIN base.channels AS b ON b.decode = after AND b.channel = a.channel
+JOIN base.groups AS fa ON fa.decode = before AND fa.group_name = a.group_name
+JOIN base.groups AS fb ON fb.decode = after AND fb.group_name = b.group_name
+GROUP BY fa.file, fb.file, first_ns, last_ns, after, fb.group_name
+ORDER BY fa.file, fb.file
+"""
+
+
+def find(connection: duckdb.DuckDBPyConnection, bucket: Bucket | None = None) -> None:
+    """Fill `base.doubled`. `bucket`: where the Parquet files lie.
+
+    Raises WarehouseError where a Parquet file that the facts name is missing or damaged.
+    """
+    for (file,) in connection.execute("SELECT file FROM base.groups WHERE doubled ORDER BY file").fetchall():
+        read_schema(bucket, file)  # a file that is missing or damaged is refused in our words
+        connection.execute(
+            f"INSERT INTO base.doubled SELECT {text(file)}, record, NULL FROM read_parquet({text(file)}) "
+            "QUALIFY row_number() OVER (PARTITION BY t_ns ORDER BY record) > 1"
+        )
+    for before, file, first_ns, last_ns, shared, own in connection.execute(OVERLAPS).fetchall():
+        a, b = _has(bucket, before, "a"), _has(bucket, file, "b")
+        too = {other: a[one] for _, one, other in shared if one in a and other in b}
+        twice = ", ".join(
+            f"CASE WHEN {b[other]} AND {too[other]} THEN {text(channel)} END"
+            for channel, _, other in shared
+            if other in too
+        )
+        new = " OR ".join(f"{b[column]} AND NOT {too.get(column, 'false')}" for column in own if column in b)
+        if too:
+            connection.execute(
+                f"INSERT INTO base.doubled SELECT DISTINCT {text(file)}, b.record, "
+                f"unnest(CASE WHEN {new} THEN list_distinct([{twice}]) ELSE [NULL] END) "
+                f"FROM ({_scan(before, first_ns, last_ns)}) AS a JOIN ({_scan(file, first_ns, last_ns)}) AS b "
+                f"ON a.{name(SESSION)} = b.{name(SESSION)} AND a.t_ns = b.t_ns"
+            )
+
+
+def _has(bucket: Bucket | None, file: str, side: str) -> dict[str, str]:
+    """The columns of numbers of a file -> whether a row of it, called `side`, has a value there."""
+    columns = read_schema(bucket, file)
+    called = column_names(columns)
+    numbers = [column for column, kind in columns if "string" not in kind]
+    return {column: f"coalesce(isfinite({side}.{name(called[column])}), false)" for column in numbers}
+
+
+def _scan(file: str, first_ns: int, last_ns: int) -> str:
+    """The rows of a file from one stamp to another, with the session of each."""
+    return (
+        f"SELECT s.session AS {name(SESSION)}, v.* FROM read_parquet({text(file)}) AS v ASOF JOIN "
+        f"(SELECT session, first_record, last_record FROM base.segments WHERE file = {text(file)}) AS s "
+        f"ON v.record >= s.first_record WHERE v.record <= s.last_record AND v.t_ns BETWEEN {first_ns} AND {last_ns}"
+    )
