@@ -29,6 +29,8 @@ from benchmarks.trial.rates import (
     ALL,
     NOT_RATED,
     audits,
+    by_entry,
+    by_entry_table,
     gains,
     gains_table,
     lost_causes,
@@ -219,6 +221,19 @@ def test_a_gain_is_counted_where_no_sensor_sits_too() -> None:
     assert found["many"]["nodes"] == dict.fromkeys(better)
     line = next(line for line in gains_table([offered]) if line.startswith("single improved"))
     assert " ".join(line.split()) == "single improved 1 5.00 -> 0.50 -> 0.20 1 5.00 -> 1.00 -> 1.50 0"
+
+
+def test_terms_that_enter_late_are_counted_by_themselves() -> None:
+    two = _hiding(HIDDEN, "sensor.yoke.bias")
+    first = replace(two, named={HIDDEN: 9.0, "loss.magnet.speed3": 20.0}, entered=(HIDDEN, "loss.magnet.speed3"))
+    other = replace(two, named={"loss.yoke.speed": 20.0}, entered=("loss.yoke.speed",))
+    alone = replace(_named(HIDDEN), entered=(HIDDEN,))
+    found = by_entry([first, first, other, alone])
+    assert [(row["true"]["count"], row["true"]["of"], row["other law"], row["false"]) for row in found.values()] == [
+        (2, 3, 0, 1),
+        (0, 2, 2, 0),
+    ]
+    assert by_entry_table([first])[1].split() == ["1", "1/1", "[5%,", "100%]", "0", "0"]
 
 
 def test_stated_probabilities_stand_beside_how_often_they_were_right() -> None:

@@ -33,17 +33,19 @@ VERDICTS = ("first", "class", "place", "wrong", "silent")
 
 @dataclass(frozen=True)
 class Result:
-    """What a diagnosis said of a case and its `hidden` effects. `named`: cause -> ln BF, the strongest first; `groups`:
-    of each, what the data cannot tell from it; `stated`: how probable the answer calls it with these (an exchange of
-    channels has none); `refused`: what the kept sessions spoke against; `is_unknown`: a heat of
-    any course won; `beside`: one is told beside what is named; `unknown`: ln BF of the best free heat; `linear`: of the
-    best candidate before any refit; `leading`: after the first refits; `lost`: cause -> the step that lost it;
-    `sensors`, `nodes`: errors at the kept sensors and where none sits; `audit` of a healthy motor. Of many effects at
-    once the ln evidence that the model gains by all of them (`truth`) and by what is named (`gained`)."""
+    """What a diagnosis said of a case and its `hidden` effects. `named`: cause -> ln BF, the strongest first;
+    `entered`: the terms among them as the search let them in; `groups`: of each, what the data cannot tell from it;
+    `stated`: how probable the answer calls it with these (an exchange of channels has none); `refused`: what the kept
+    sessions spoke against; `is_unknown`: a heat of any course won; `beside`: one is told beside what is named;
+    `unknown`: ln BF of the best free heat; `linear`: of the best candidate before any refit; `leading`: after the first
+    refits; `lost`: cause -> the step that lost it; `sensors`, `nodes`: errors at the kept sensors and where none sits;
+    `audit` of a healthy motor. Of many effects at once the ln evidence that the model gains by all of them (`truth`)
+    and by what is named (`gained`)."""
 
     case: Case
     hidden: tuple[Seen, ...] = ()
     named: Mapping[str, float] = field(default_factory=dict)
+    entered: tuple[str, ...] = ()
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     stated: Mapping[str, float] = field(default_factory=dict)
     refused: tuple[str, ...] = ()
@@ -130,6 +132,7 @@ def tried(case: Case, campaign: Campaign, behind: Behind, hidden: tuple[Seen, ..
         case,
         hidden,
         named=dict(sorted(named, key=lambda one: -one[1])),
+        entered=tuple(str(refit.candidate.cause) for refit in naming.accepted),
         groups={name: tuple(str(m.candidate.cause) for m in one.others) for name, one in classes.items()},
         stated={name: one.probability for name, one in classes.items()},
         refused=tuple(str(refit.candidate.cause) for refit, _ in found.refused),
@@ -182,6 +185,7 @@ def _read(row: dict[str, Any]) -> Result:
             "case": Case(**case),
             "hidden": tuple(Seen(**one) for one in row["hidden"]),
             "groups": {cause: tuple(others) for cause, others in row["groups"].items()},
+            "entered": tuple(row["entered"]),
             "refused": tuple(row["refused"]),
             "audit": {family: Spread(**one) for family, one in row["audit"].items()},
         }

@@ -130,6 +130,33 @@ def reliability_table(results: Sequence[Result]) -> list[str]:
     return lines
 
 
+# --- Terms in the order of the search ---------------------------------------------------------------------------------
+
+
+def by_entry(results: Sequence[Result]) -> dict[str, dict[str, Any]]:
+    """Of campaigns with many effects, of the terms that entered first, second, ...: how many, and what they are of any
+    hidden effect. A search that goes on too long has late terms that are seldom true."""
+    rows: defaultdict[str, Counter[str]] = defaultdict(Counter)
+    for result in results:
+        if result.case.kind == "many":
+            for place, name in enumerate(result.entered, 1):
+                rows[f"{place}"][result.of_name(name)] += 1
+    return {place: _true(rows[place]) for place in sorted(rows, key=int)}
+
+
+def _true(verdicts: Counter[str]) -> dict[str, Any]:
+    own = verdicts["first"] + verdicts["class"]
+    return {"true": rate(own, verdicts.total()), "other law": verdicts["place"], "false": verdicts["wrong"]}
+
+
+def by_entry_table(results: Sequence[Result]) -> list[str]:
+    """A line for the terms that entered first, second, ..."""
+    lines = [f"{'many at once, term that entered':<32}{'true':>20}{'other law':>12}{'false':>8}"]
+    for place, row in by_entry(results).items():
+        lines.append(f"{place:<32}{_said(row['true']):>20}{row['other law']:>12}{row['false']:>8}")
+    return lines
+
+
 # --- Many effects at once ---------------------------------------------------------------------------------------------
 
 
