@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 
 from replay.show.reports import verdict
@@ -20,8 +21,22 @@ def told(diagnosis: Diagnosis) -> Iterator[str]:
         sharper = one.sharper
     if len(unusual) > SHOWN:
         yield f"and {len(unusual) - SHOWN} more in the report"
+    if far := how_many(diagnosis):
+        yield far
     if gone := taken_away(diagnosis):
         yield gone
+
+
+def how_many(diagnosis: Diagnosis) -> str:
+    """ "Numbers that had to go far: 12 without the cause, 7 with it"; "" where none had."""
+    far = Counter(one.when for one in filter(_is_number, diagnosis.findings))
+    cause = ("the causes", "them") if len(diagnosis.causes) > 1 else ("the cause", "it")
+    each = f"{far['before']} without {cause[0]}, {far['after']} with {cause[1]}" if diagnosis.causes else far["before"]
+    return f"Numbers of the file, its sensors and its sessions that had to go far: {each}" if far else ""
+
+
+def _is_number(one: Unusual) -> bool:
+    return one.about != "family" and one.kind != "temperature"
 
 
 def of_last_fit(diagnosis: Diagnosis) -> list[Unusual]:

@@ -60,6 +60,7 @@ def write_diagnosis_report(
         verdict=verdict,
         beyond_usual=beyond_usual,
         unusual=beyond_usual.of_last_fit(diagnosis),
+        far=beyond_usual.how_many(diagnosis),
         taken_away=beyond_usual.taken_away(diagnosis),
         answer=sentences.answer(diagnosis),
         chain_plot=chain_bars(diagnosis),

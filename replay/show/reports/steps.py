@@ -10,6 +10,8 @@ from replay.studies.diagnosis.answer import ChainStep, Diagnosis
 
 CALLED = {-1: "as published", 0: "recalibrated"}
 JUDGES = {
+    "evidence": "evidence alone lets a term in; how well each session is predicted from the others is shown and gates "
+    "nothing",
     "sessions left out": "what is left is far above a lumped model's own error, so the file's form is wrong: a term is "
     "let in only where sessions predicted from the others ask for it too",
     "few sessions": "what is left is far above a lumped model's own error, so the file's form is wrong; fewer than 4 "
@@ -18,12 +20,10 @@ JUDGES = {
 
 
 def told(diagnosis: Diagnosis) -> Iterator[str]:
-    """Why terms were let in, and each step with its errors; nothing where one term was let in by evidence."""
-    judge = JUDGES.get(diagnosis.judged_by)
-    if not diagnosis.chain or (judge is None and len(diagnosis.causes) < 2):
+    """Why terms were let in, and each step with its errors; nothing where evidence let none in."""
+    if not diagnosis.chain or (diagnosis.judged_by == "evidence" and not diagnosis.causes):
         return
-    if judge:
-        yield judge
+    yield JUDGES[diagnosis.judged_by]
     kept = any(step.kept_mae_K for step in diagnosis.chain)
     yield f"mean error over the nodes of each session predicted from the others{', then of kept sessions' * kept}"
     yield from (line(step) for step in diagnosis.chain)

@@ -448,7 +448,8 @@ def test_what_is_beyond_usual_is_told_before_any_cause_in_a_few_lines() -> None:
     for part in (
         "Form of the losses in iron: 3.1 times as far from the file as usual (ln evidence +34.2). Sharper with a",
         "The heat path between housing and air had to shrink by 3.5 sd: −75 % (−80 to −70). It ended at its bound,",
-        "a factor of 4. Sharper with sensors at both ends and 2 more in the report",
+        "a factor of 4. Sharper with sensors at both ends and 2 more in the report Numbers of the file, its sensors",
+        "and its sessions that had to go far: 3",
     ):
         assert part in text
 
@@ -461,6 +462,7 @@ def test_with_a_cause_what_is_left_is_told_and_what_the_cause_took_away() -> Non
         "No longer beyond usual with the cause: form of the losses in iron (3.1 times as far from the file as usual) "
         "and the offset of EW_A_inner in 3_wltp (2.2 sd)"
     ) in text
+    assert "that had to go far: 2 without the cause, 2 with it" in text
     assert "Beyond usual" not in diagnosis_text(NAMED)
 
 
@@ -478,13 +480,14 @@ def test_the_viewer_tells_what_is_beyond_usual_too() -> None:
 
 def test_several_terms_are_told_step_by_step() -> None:
     told = flat(diagnosis_text(SEVERAL))
-    assert "Step by step mean error over the nodes of each session predicted from the others, then of kept" in told
+    assert "Step by step evidence alone lets a term in; how well each session is predicted from the others is" in told
+    assert "mean error over the nodes of each session predicted from the others, then of kept" in told
     assert "as published: 9.00 K (magnet 6.0, rotor surface 12.0); kept 7.50 K" in told
     assert "recalibrated: 6.00 K (magnet 4.0, rotor surface 8.0), 3 of 3 sessions better; kept 5.10 K" in told
     assert "2 sensor.endwinding_b_outer.gain (ln BF 41): 0.90 K (magnet 0.6, rotor surface 1.2), 3 of 3" in told
     alone = replace(SEVERAL, chain=[replace(one, kept_mae_K={}) for one in SEVERAL.chain])
     assert "predicted from the others as published: 9.00 K" in flat(diagnosis_text(alone))
-    assert "Step by step" not in diagnosis_text(NAMED), "one term by evidence is told as the cause"
+    assert "Step by step" not in diagnosis_text(replace(SEVERAL, causes=[])), "nothing was let in"
 
 
 @pytest.mark.parametrize("judge", ["sessions left out", "few sessions"])
