@@ -79,7 +79,8 @@ def trace(store: Store, recorded: Sequence[Recorded], facts: Facts, text: str) -
 
 def trace_row(store: Store, recorded: Sequence[Recorded], facts: Facts, row: Mapping[str, Any]) -> Lineage:
     """The lineage of a row of SQL, by the columns that it has: `run` with `t_s` and `channel`; `file_id` with `record`,
-    or `first_record` and `last_record`; else any id. Raises as `trace`, ReplayDataError where it has none of these."""
+    or `first_record` and `last_record`; else any id, or of an event its stream's. Raises as `trace`, ReplayDataError
+    where it has none of these."""
     chains, has = Chains(recorded, facts), {name for name, value in row.items() if value is not None}
     if {"run", "t_s", "channel"} <= has:
         return _of_run(store, facts, chains, row["run"], str(row["t_s"]), row["channel"])
@@ -89,9 +90,11 @@ def trace_row(store: Store, recorded: Sequence[Recorded], facts: Facts, row: Map
     for column in ("run", "assessment", "inspection", "session", "file_id", "model"):
         if column in has:
             return trace(store, recorded, facts, row[column])
+    if "stream" in has:  # of an event: `run-<id>`
+        return trace(store, recorded, facts, row["stream"].partition("-")[2])
     raise ReplayDataError(
         "the row has no column that says where it came from: select run (with t_s and channel), session, file_id (with "
-        "record), assessment, inspection or model too."
+        "record), assessment, inspection, model or stream too."
     )
 
 

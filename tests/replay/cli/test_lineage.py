@@ -39,6 +39,15 @@ def ask(store: Path, capsys: Capture, *words: str) -> Any:
     return json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.parametrize("topic", ["RawFileSealed", "SessionRecorded", "ReplayCompleted", "ModelPublished"])
+def test_a_row_of_events_leads_where_what_it_is_about_does(topic: str, store: Path, capsys: Capture) -> None:
+    sql = f"SELECT stream FROM events WHERE topic = 'whyhot:{topic}' LIMIT 1"
+    (row,) = ask(store, capsys, "sql", sql)["rows"]
+    found = ask(store, capsys, "lineage", sql)
+    assert found["links"] == ask(store, capsys, "lineage", row["stream"].partition("-")[2])["links"]
+    assert found["links"]
+
+
 def test_a_row_of_residuals_leads_to_the_frame_that_holds_its_sample(store: Path, capsys: Capture) -> None:
     sql = "SELECT * FROM residuals WHERE channel = 'TC_magnet' AND t_s > 30 ORDER BY t_s LIMIT 1"
     (row,) = ask(store, capsys, "sql", sql)["rows"]
