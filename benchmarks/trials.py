@@ -51,6 +51,7 @@ from benchmarks.trial.sizes import read_strengths, sized, strengths, write_stren
 from plant import Effect
 from plant.forms import FORMS
 from plant.rules import RULES
+from replay.cli.progress import tell
 from replay.engine.runs.sources import code_of
 
 QUICK_S = 120.0  # of each session
@@ -104,7 +105,11 @@ def answered(missing: Sequence[Case], first: int, logs: Path, pool: Executor) ->
     """The results of these cases as they come."""
     hidden = sizes(missing, first, logs, pool)
     begun = [pool.submit(trial, case, hidden[case], logs / case.name) for case in missing]
-    for future in as_completed(begun):
+    done = as_completed(begun)
+    for number in range(1, len(begun) + 1):
+        tell(f"trial {number} of {len(begun)}")
+        future = next(done)
+        tell("")
         try:
             yield future.result()
         except RunsAway as error:

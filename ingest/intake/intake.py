@@ -90,7 +90,6 @@ def take_in(
             if isinstance(one, Taken) and one.raw in known.files and store.archive.damage(one.raw):
                 store.archive.seal(path)  # the true bytes mend what was damaged or lost
         fresh = read_logs([one for one in found if isinstance(one, LogFile)], setup, work, workers, tell)
-        tell("decoding")
         read = [(one.log.raw, one.reading, kept_name(one.log.path)) for one in fresh if one.reading]
         for _, reading, _ in read:
             if reading.holds == "rows":
@@ -103,7 +102,7 @@ def take_in(
         store.ledger.append_all([(f"file-{raw}", decode) for raw, decode in again.items()])
         kept = {
             one.log.raw: _keep(store, known, one, decode, work)
-            for one, decode in decode_logs(fresh, setup, channels, work, workers)
+            for one, decode in decode_logs(fresh, setup, channels, work, workers, tell)
         }
         files = [kept[one.raw] if isinstance(one, LogFile) else one for one in found]
     finally:

@@ -67,13 +67,13 @@ def read_logs(
     shared = _shared(setup, work, workers)
     jobs = [_Job(ReadLog(log, None, None), shared, work) for log in logs]
     found: dict[str, ReadLog] = {}
-    _tell_next(tell, logs, 0)
+    _tell_next(tell, "reading", logs, 0)
     with closing(Reader()) as reader:
         read = partial(_read, reader) if workers is None else _read_alone
         for job, done in each(read, jobs, workers):
             log = job.done.log
             found[log.raw] = _lost(log, done) if isinstance(done, Lost) else done
-            _tell_next(tell, logs, len(found))
+            _tell_next(tell, "reading", logs, len(found))
     return [found[log.raw] for log in logs]
 
 
@@ -83,12 +83,16 @@ def decode_logs(
     channels: Mapping[str, Sequence[ResolvedChannel]],
     work: Path,
     workers: Workers | None,
+    tell: Callable[[str], None],
 ) -> Iterator[tuple[ReadLog, DecodeCompleted]]:
     """Every log with its decode, one that could not be read as quarantined; in order in this process, as they are done
     elsewhere. What a decode made lies in `made_in`. `channels`: by the SHA-256 of a log."""
     shared = _shared(setup, work, workers)
     jobs = [_Job(one, shared, work, channels.get(one.log.raw, ())) for one in logs]
-    for job, done in each(_decode, jobs, workers):
+    given = [one.log for one in logs]
+    _tell_next(tell, "decoding", given, 0)
+    for number, (job, done) in enumerate(each(_decode, jobs, workers), 1):
+        _tell_next(tell, "decoding", given, number)
         if isinstance(done, Lost):
             lost = _lost(job.done.log, done)
             yield lost, _quarantined(lost, setup)
@@ -105,10 +109,10 @@ def _shared(setup: Setup, work: Path, workers: Workers | None) -> Shared[Setup] 
     return InProcess(setup) if workers is None else share(setup, work)
 
 
-def _tell_next(tell: Callable[[str], None], logs: Sequence[LogFile], done: int) -> None:
+def _tell_next(tell: Callable[[str], None], what: str, logs: Sequence[LogFile], done: int) -> None:
     if done < len(logs):
         path = logs[done].path
-        tell(f"reading {done + 1} of {len(logs)}: {kept_name(path)}, {path.stat().st_size / 1e6:.1f} MB")
+        tell(f"{what} {done + 1} of {len(logs)}: {kept_name(path)}, {path.stat().st_size / 1e6:.1f} MB")
 
 
 def _lost(log: LogFile, lost: Lost) -> ReadLog:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ingest.texts.plain import plain_line
 from replay.exports.samples import SessionRows, Stamps
 
 DIGITS = 10  # of a number that are written
@@ -72,7 +73,7 @@ def number(value: float, decimal: str = ".") -> str:
 
 
 def _cell(text: str, country: Country) -> str:
-    """A name that no spreadsheet runs as a formula, in quotes where it holds what parts cells."""
-    safe = f"'{text}" if text.startswith(COMMANDS) else text
-    parted = any(mark in safe for mark in (country.delimiter, '"', "\n", "\r"))
+    """A name that no spreadsheet runs as a formula and no terminal obeys, in quotes where it holds what parts cells."""
+    safe = plain_line(f"'{text}" if text.startswith(COMMANDS) else text)
+    parted = any(mark in safe for mark in (country.delimiter, '"'))
     return '"' + safe.replace('"', '""') + '"' if parted else safe

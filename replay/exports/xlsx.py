@@ -12,6 +12,7 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
+from ingest.texts.plain import plain_line
 from replay.exports.csv import number
 from replay.exports.samples import SessionRows
 
@@ -48,12 +49,7 @@ def write(path: Path, rows: SessionRows) -> None:
 
 def _titles(rows: SessionRows) -> Iterator[str]:
     names = [*(["time_utc"] if rows.absolute else []), "t_s", *(one.title for one in rows.columns)]
-    return (f'<c t="inlineStr"><is><t xml:space="preserve">{escape(_printable(name))}</t></is></c>' for name in names)
-
-
-def _printable(text: str) -> str:
-    """Without what no XML may hold."""
-    return "".join(c for c in text if c >= " " and not 0xD800 <= ord(c) <= 0xDFFF)
+    return (f'<c t="inlineStr"><is><t xml:space="preserve">{escape(plain_line(name))}</t></is></c>' for name in names)
 
 
 def _lines(rows: SessionRows) -> Iterator[str]:

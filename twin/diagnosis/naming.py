@@ -131,7 +131,7 @@ def search(
     judging = found.judged
     found = replace(found, threshold=found.needed if threshold is None else threshold)
     if not found.is_unknown:
-        first = with_refits(first, tell, uncalibrated(current, len(model.parameters)), judging)
+        first = with_refits(first, _of_cause(1, tell), uncalibrated(current, len(model.parameters)), judging)
         found = _searched(found, first, candidates, model.parameters, tell)
         if _is_patchwork(found):
             found = replace(found, accepted=(), patchwork=found.accepted, final=first.base)
@@ -152,12 +152,18 @@ def _searched(
             break
         accepted.append((best.candidate, best.parameter))
         rounds[-1].forget()
-        current = refined(best.fit, candidates, stated, tell)
-        tell("scoring")
+        tell_next = _of_cause(len(accepted) + 1, tell)
+        current = refined(best.fit, candidates, stated, tell_next)
+        tell_next("scoring")
         left = [c for c in candidates if c not in [a for a, _ in accepted]]
-        rounds.append(with_refits(scored(current, left), tell, judging=found.judged))
-    tell("leaving out")
+        rounds.append(with_refits(scored(current, left), tell_next, judging=found.judged))
+    tell("leaving each cause out once")
     return _eliminated(replace(found, rounds=tuple(rounds), final=current), accepted, len(stated))
+
+
+def _of_cause(number: int, tell: Tell) -> Tell:
+    """Which cause the search is at, before what it does for it."""
+    return lambda line: tell(f"cause {number}: {line}")
 
 
 def _is_patchwork(found: Naming) -> bool:
@@ -185,7 +191,7 @@ def _beside_heat(
         current = refined(fit(first.model.plus(tents), start, NEAR_ENOUGH), candidates, with_heat, tell)
         again = replace(found, patchwork=(), left_out=(), wrong_in_form=is_wrong_in_form(current.model))
         again = replace(again, threshold=again.needed if threshold is None else threshold)
-        fresh = with_refits(scored(current, elsewhere), tell, judging=again.judged)
+        fresh = with_refits(scored(current, elsewhere), _of_cause(1, tell), judging=again.judged)
         beside = _searched(again, fresh, elsewhere, with_heat, tell)
     except DivergedError:
         return found

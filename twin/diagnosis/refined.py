@@ -36,11 +36,11 @@ def refined(current: Fit, candidates: Sequence[Candidate], stated: Sequence[Para
     """The fit under learnt noise, then under learnt priors of families, then under noise that is learnt again.
     `stated`: the healthy differences, first among the model's parameters, with the priors that the learnt ones are
     multiples of."""
-    tell("fitting the noise")
+    tell("recalibrating, fit 1 of 3: noise")
     current = under_its_noise(current, candidates, ON_THE_WAY)
-    tell("fitting the priors of families")
+    tell("recalibrating, fit 2 of 3: priors of families")
     current = under_its_priors(current, candidates, stated, ON_THE_WAY)
-    tell("fitting the noise")
+    tell("recalibrating, fit 3 of 3: noise")
     return under_its_noise(current, candidates)
 
 

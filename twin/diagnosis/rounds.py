@@ -199,34 +199,38 @@ def with_refits(found: Round, tell: Tell, other_start: Floats | None = None, jud
     out are `judging`, evidence says only which candidates they are asked about: none is far behind or out of reach."""
     leading = _leading(found, judging) + ([] if other_start is None else _leading_at(found, other_start))
 
-    def begun(one: _Leading) -> Refit | None:
-        tell(f"refitting {one[0].cause}")
+    def begun(number: int, one: _Leading) -> Refit | None:
+        tell(f"refit {number} of {len(leading)}: {one[0].cause}")
         return refitted(found.base, *one)
 
     with ThreadPoolExecutor(2) as pool:
-        first = list(pool.map(begun, leading))
+        first = list(pool.map(begun, range(1, len(leading) + 1), leading))
         refits = [r for r in first if r is not None]
         while True:
             best = max((r.promised for r in refits if r.possible), default=0.0)
             further = [not r.ended and (judging or r.promised > best - OUT_OF_REACH) for r in refits]
             if not any(further):
                 break
+            tell(f"going on with {sum(further)} refits")
             refits = list(pool.map(lambda r, on: _went_on(found.base, r) if on else r, refits, further))
     lost = [str(candidate.cause) for (candidate, *_), refit in zip(leading, first, strict=True) if refit is None]
     found = replace(found, refits=_each_once(refits), dropped=(*found.dropped, *lost))
-    return judged(found) if judging else found
+    return judged(found, tell) if judging else found
 
 
-def judged(found: Round) -> Round:
+def judged(found: Round, tell: Tell = lambda _: None) -> Round:
     """The round with what sessions left out say of its base and of every refit that evidence would let in."""
 
-    def said(refit: Refit) -> Refit:
+    def said(number: int, refit: Refit) -> Refit:
+        tell(f"leaving out sessions, {number} of {len(found.refits)}: {refit.candidate.cause}")
         if refit.log_bayes_factor <= EVIDENT:
             return refit
         reading = len(refit.fit.beta) - 1 if isinstance(refit.parameter.action, Misreading) else None
         return replace(refit, left_out=left_out(refit.fit, reading))
 
-    return replace(found, refits=tuple(map(said, found.refits)), left_out=left_out(found.base))
+    return replace(
+        found, refits=tuple(map(said, range(1, len(found.refits) + 1), found.refits)), left_out=left_out(found.base)
+    )
 
 
 def _each_once(refits: Sequence[Refit]) -> tuple[Refit, ...]:

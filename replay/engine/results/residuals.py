@@ -38,9 +38,15 @@ def channel_errors(observed: Observed, places: Mapping[str, Floats], start_ns: i
     errors = _errors(observed, places, start_ns, "_K")
     if not errors:
         return None
-    floor = observed.floor_K
+    highest = int(np.argmax(np.where(observed.usable, observed.measured, -np.inf)))
     return ChannelErrors(
-        **errors, node=observed.node, white_K=observed.sd_K, bias_sd_K=observed.bias_sd_K, floor_K=floor
+        **errors,
+        node=observed.node,
+        white_K=observed.sd_K,
+        bias_sd_K=observed.bias_sd_K,
+        floor_K=observed.floor_K,
+        measured_max_degC=float(observed.measured[highest]),
+        measured_max_at_s=float((observed.t_ns[highest] - start_ns) / 1e9),
     )
 
 

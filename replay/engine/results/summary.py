@@ -31,9 +31,10 @@ class ChannelErrors:
     """A thermometer beside the model over its usable steps, residual = measured - modelled [K]. `node`: what it
     follows; `max_K`: the largest size of the residual, at `max_at_s` from start; `white_K`, `bias_sd_K`: noise of a
     mean and constant error that the sensor may have, `floor_K` both together; `samples`, `masked`: usable steps and
-    others; `where`: range of each quantity, by name with unit, in which the error is largest. Where the bench file
-    corrects the reading, all that is against the corrected one: `mae_recorded_K` is the mean error against the reading
-    as recorded, `reading_moved_K` corrected minus recorded in the mean; else both are None."""
+    others; `where`: range of each quantity, by name with unit, in which the error is largest; `measured_max_degC`, at
+    `measured_max_at_s` from start: the highest reading, None in runs that were sealed without it. Where the bench file
+    corrects the reading, all that is of the corrected one: `mae_recorded_K` is the mean error against the reading as
+    recorded, `reading_moved_K` corrected minus recorded in the mean; else both are None."""
 
     channel: str
     node: str
@@ -47,6 +48,8 @@ class ChannelErrors:
     masked: int
     max_at_s: float
     where: dict[str, list[float]]
+    measured_max_degC: float | None = None
+    measured_max_at_s: float | None = None
     mae_recorded_K: float | None = field(default=None, metadata=IF_SAID)
     reading_moved_K: float | None = field(default=None, metadata=IF_SAID)
 

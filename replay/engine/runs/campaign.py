@@ -81,12 +81,19 @@ def replay_sessions(
         except (ReplayDataError, DamageError) as error:
             outcomes.append(Outcome(session, None, str(error)))
     order = {session.session: i for i, session in enumerate(sessions)}
-    for job, done in each(_work, jobs, workers):
+    names = [sessions[order[job.session]].name for job in jobs]
+    _tell_next(tell, names, 0)
+    for number, (job, done) in enumerate(each(_work, jobs, workers), 1):
         session = sessions[order[job.session]]
         said = f"session {session.name}: {done.why}" if isinstance(done, Lost) else done
         outcomes.append(_append(store, facts, session, said, work))
-        tell(f"replayed {len(outcomes)} of {len(sessions)}: {session.name}")
+        _tell_next(tell, names, number)
     return sorted(outcomes, key=lambda outcome: order[outcome.session.session])
+
+
+def _tell_next(tell: Callable[[str], None], names: Sequence[str], done: int) -> None:
+    if done < len(names):
+        tell(f"replaying {done + 1} of {len(names)}: {names[done]}")
 
 
 def _work(job: Job) -> Completed | str:

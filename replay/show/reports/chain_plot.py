@@ -37,9 +37,9 @@ def chain_bars(diagnosis: Diagnosis) -> Plot | None:
 
 def _title(chain: Sequence[ChainStep]) -> str:
     first, last = chain[0], chain[-1]
-    before, after = (f"{steps.mean_K(step.left_out_mae_K):.1f} K" for step in (first, last))
+    before, after = words.figures([steps.mean_K(step.left_out_mae_K) for step in (first, last)])
     model = f"the model with {words.counted(last.step, 'term')} more"
-    return f"A session is {before} off as published, and {after} where {model} learns from the other sessions"
+    return f"A session is {before} K off as published, and {after} K where {model} learns from the other sessions"
 
 
 def _draw(chain: Sequence[ChainStep]) -> Figure:

@@ -54,12 +54,7 @@ def errors(gain: KeptGain, of: Sequence[str], *more: str) -> str:
 
 def chain(errors_K: Mapping[str, float], of: Sequence[str]) -> str:
     """ "8.1 -> 1.4 K", "–" where a stage is not known."""
-    return f"{' -> '.join(_figure(errors_K[stage]) if stage in errors_K else '–' for stage in of)} K"
-
-
-def _figure(error_K: float) -> str:
-    """ "1.4"; what would be 0.0 by its first digit, as "0.03", so that a change of it is seen."""
-    return f"{error_K:.1f}" if error_K >= 0.05 else f"{error_K:.1g}"
+    return f"{words.became([errors_K.get(stage) for stage in of])} K"
 
 
 def furthest_first(gains: Sequence[KeptGain]) -> list[KeptGain]:
@@ -89,7 +84,8 @@ def coefficients_suffice(gains: Sequence[KeptGain]) -> bool:
 def course(gain: KeptGain, named: bool) -> str:
     """ "falls from 8.1 K as published to 1.4 K recalibrated and 0.9 K with the cause"."""
     told = told_first(gain, named)
-    first, *later = [f"{words.kelvin(value)} {STAGES[stage]}" for stage, value in told.items()]
+    errors_K = words.figures([*told.values()])
+    first, *later = [f"{figure} K {STAGES[stage]}" for figure, stage in zip(errors_K, told, strict=True)]
     rose = list(told.values())[-1] - told["published"]
     verb = "rises" if rose >= WORSE_K else "falls" if rose <= -WORSE_K else "goes"
     return f"{verb} from {first} to {words.joined(later)}{'' if replayed(gain) else ', fitted'}"

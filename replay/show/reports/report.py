@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from replay.engine.results.run import Observed, Run
+from replay.engine.results.summary import Summary
 from replay.show.plots.calendar_plot import calendar
 from replay.show.plots.derating_plot import derating_over_time
 from replay.show.plots.error_maps import error_along, error_map
@@ -18,9 +19,10 @@ from replay.show.plots.plots import groups, inputs_over_time, over_time
 from replay.show.plots.residual_strip import residual_strip
 from replay.show.words import heat_words, words
 from replay.show.words.figure import Plot
+from replay.show.words.filter_words import filter_says
 from replay.show.words.findings import answer, power_balance, worst_first
 from replay.show.words.page import template
-from replay.show.words.terminal import heat_says
+from replay.show.words.terminal import integrator_says
 
 COLUMNS = 600  # pixel columns that a line is thinned to ...
 FILTER_LINES = 11  # of a plot of filter and smoother, its band as two
@@ -64,6 +66,18 @@ def write_report(runs: Sequence[Run], target: Path, context: ReportContext) -> N
         context=context,
     )
     target.write_text(page, encoding="utf-8")
+
+
+def heat_says(summary: Summary) -> list[str]:
+    """What a run says of its integrator, ageing, heat, hot spots, filter, limits and derating, a sentence each."""
+    by_model = [
+        integrator_says(summary),
+        *heat_words.aged(summary),
+        heat_words.heat(summary),
+        heat_words.hottest(summary),
+    ]
+    told = [*by_model, *filter_says(summary), *heat_words.above_limits(summary), *heat_words.derating(summary)]
+    return [text for text in told if text]
 
 
 def _sessions(runs: Sequence[Run]) -> list[SessionPlots]:

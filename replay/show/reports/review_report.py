@@ -53,7 +53,7 @@ def _gain(kinds: list[ReviewedKind]) -> str:
     if not moved:
         return "the motor file stays, and with it what replays are off by."
     ends = [moved[0], *moved[-1:]] if moved[-1][0] >= 0.05 else moved[:1]
-    told = [f"{words.name(one.node)} {one.before_K:.1f} -> {one.after_K:.1f} K in {one.kind}" for _, one in ends]
+    told = [f"{words.name(one.node)} {words.became([one.before_K, one.after_K])} K in {one.kind}" for _, one in ends]
     of = "kept sessions" if shown[0].kept else "the sessions learnt from, as none was kept"
     return f"{'; worse: '.join(told)} ({of})."
 

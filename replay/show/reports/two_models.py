@@ -33,7 +33,8 @@ def _worse_than_published(diagnosis: Diagnosis) -> str:
     published, after = (_mean_K(diagnosis, stage) for stage in ("published", "after"))
     if after <= published:
         return ""
-    errors = f"{words.kelvin(after)} instead of {words.kelvin(published)} in the mean over the nodes"
+    now, was = words.figures([after, published])
+    errors = f"{now} K instead of {was} K in the mean over the nodes"
     return f"The extended model is further off on the kept sessions than the file as published: {errors}."
 
 
@@ -49,10 +50,8 @@ def _no_gain(diagnosis: Diagnosis) -> str:
         return f"With it the kept sessions get worse than recalibrated, most the {words.name(worst.node)}: {errors}"
     published, before = (_mean_K(diagnosis, stage) for stage in ("published", "before"))
     if before <= TAKEN * published:
-        return (
-            "The sensors see no gain from it, as recalibration alone takes their mean error from "
-            f"{words.kelvin(published)} to {words.kelvin(before)}"
-        )
+        was, now = words.figures([published, before])
+        return f"The sensors see no gain from it, as recalibration alone takes their mean error from {was} K to {now} K"
     return "The kept sessions are not predicted better with it"
 
 

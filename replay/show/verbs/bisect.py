@@ -91,12 +91,12 @@ def _rows(found: Bisected) -> Iterator[tuple[str, ...]]:
 
 def _versions(found: Bisected) -> str:
     """The mean error of the channel with each version."""
-    told = (f"{words.short(one.model)} {_error(one.mae_K)}" for one in found.versions)
+    errors_K = words.figures([one.mae_K for one in found.versions])
+    told = (
+        f"{words.short(one.model)} {'does not run' if one.mae_K is None else f'{figure} K'}"
+        for one, figure in zip(found.versions, errors_K, strict=True)
+    )
     return f"mean error of {found.channel}, first version first: {' -> '.join(told)}"
-
-
-def _error(mae_K: float | None) -> str:
-    return "does not run" if mae_K is None else words.kelvin(mae_K)
 
 
 def _next(found: Bisected) -> str:

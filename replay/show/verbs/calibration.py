@@ -51,15 +51,16 @@ def _errors(errors: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     for e in errors:
         if "unit" in e:
             before, after = (heat_words.quantity(e[key], e["unit"]) for key in ("before", "after"))
+            course = f"{before} -> {after}" if before != after else f"{before}, unchanged"
             gain = f", meter reads {100 * e['gain']:+.1f} % too much".replace("-", "−") if abs(e["gain"]) > 5e-4 else ""
-            yield f"{e['session_name']}  {words.name(str(e['place']))} ({e['channel']})   {before} -> {after}{gain}"
+            yield f"{e['session_name']}  {words.name(str(e['place']))} ({e['channel']})   {course}{gain}"
 
 
 def _thermometers(errors: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     rows = [(f"{e['session_name']}  {words.name(str(e['node']))} ({e['channel']})", e) for e in errors]
     cells = []
     for label, entry in rows:
-        errs = (f"{entry['before_K']:.2f} K", f"{entry['after_K']:.2f} K")
+        errs = (f"{error} K" for error in words.figures([entry["before_K"], entry["after_K"]]))
         much = abs(float(entry["bias_K"])) > 2 * float(entry["bias_sd_K"])
         note = f", its bias_sd is {words.kelvin(entry['bias_sd_K'])}" if much else ""
         if entry.get("outliers_s"):  # an older calibration does not say

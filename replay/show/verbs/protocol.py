@@ -92,11 +92,12 @@ def protocol_text(found: Protocol) -> str:
 def answer(found: Protocol) -> str:
     """The error on the drive cycles before and after, at the node that was worst."""
     errors = checked(found)
-    node, (before, after) = max(errors.items(), key=lambda one: one[1][0])
+    node, errors_K = max(errors.items(), key=lambda one: one[1][0])
+    before, after = words.figures(errors_K)
     ended = "" if found.calibration.event.converged else " The fit did not converge: take it as a start only."
     return (
-        f"Fitted to {words.joined([s.name for s in found.points])}, {found.network.name} is {after:.1f} K off at the "
-        f"{words.name(node)} on {words.joined([s.name for s in found.drives])} (before {before:.1f} K), from which "
+        f"Fitted to {words.joined([s.name for s in found.points])}, {found.network.name} is {after} K off at the "
+        f"{words.name(node)} on {words.joined([s.name for s in found.drives])} (before {before} K), from which "
         f"nothing was learnt; {len(found.fitted)} of {len(found.influence.parameters)} parameters were fitted.{ended}"
     )
 
@@ -124,7 +125,8 @@ def _influence(found: Protocol) -> Iterator[str]:
         parameter = weighed.parameters[i]
         node = max(nodes, key=lambda n: weighed.per_sd_K[i, n])
         one = moved[parameter.name]
-        value = f"{one['before']:.4g} -> {one['value']:.4g} {one['unit']}"
+        was, now = (f"{one[key]:.4g}" for key in ("before", "value"))
+        value = f"{was} -> {now} {one['unit']}" if was != now else f"{was} {one['unit']}, unchanged"
         size = f"{weighed.per_sd_K[i, node]:>6.1f} K {words.name(weighed.nodes[node])}"
         yield f"{parameter.name:<{max(width, 48)}} {size:<28} {value}".rstrip()
     small = len(weighed.parameters) - len(found.fitted)
@@ -168,7 +170,8 @@ def _checked(found: Protocol) -> Iterator[str]:
     width = max(len(words.name(node)) for node in errors)
     yield f"{'Mean error, drives':<{max(width, 20)}} {'before':>9} {'after':>9}"
     for node, (before, after) in sorted(errors.items(), key=lambda one: -one[1][0]):
-        yield f"{words.name(node):<{max(width, 20)}} {words.kelvin(before):>9} {words.kelvin(after):>9}"
+        was, now = words.figures([before, after])
+        yield f"{words.name(node):<{max(width, 20)}} {was:>7} K {now:>7} K"
 
 
 def filter_notes(found: Protocol) -> Iterator[str]:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ingest.catalogue.channels import ChannelData
+from ingest.texts.plain import plain_line
 from replay.show.viewer.seen import TIMELINES, SessionSeen, of_model, path, sdk, unit
 from replay.show.words import words
 
@@ -168,7 +169,8 @@ def series(name: str, contents: Sequence[str]) -> Any:
     import rerun.blueprint as rrb
 
     legend = rrb.PlotLegend(visible=False)
-    return rrb.TimeSeriesView(name=name, origin="/", contents=list(contents), axis_x=_whole(), plot_legend=legend)
+    shown = {"axis_x": _whole(), "plot_legend": legend}
+    return rrb.TimeSeriesView(name=plain_line(name), origin="/", contents=list(contents), **shown)
 
 
 def inputs(channels: Sequence[ChannelData]) -> Any:

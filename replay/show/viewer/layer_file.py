@@ -1,4 +1,5 @@
-"""A file for the viewer while it is written: lines, states, texts and keys, on the one timeline of its session."""
+"""A file for the viewer while it is written: lines, states, texts and keys, on the one timeline of its session. No name
+steers the viewer: here it becomes plain text, and entity paths are escaped by the SDK."""
 
 from __future__ import annotations
 
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ingest.texts.plain import plain, plain_line
 from replay.show.viewer.seen import APPLICATION, TIMELINES, path, rgba, sdk
 
 Stamps = NDArray[np.int64]
@@ -30,7 +32,7 @@ class LayerFile:
         """The file `target` of the recording `id_`, with its layout, complete when the block ends."""
         stream = sdk().RecordingStream(APPLICATION, recording_id=id_)
         stream.save(target, default_blueprint=layout)
-        stream.send_recording_name(name)
+        stream.send_recording_name(plain_line(name))
         try:
             yield cls(stream, absolute)
         finally:
@@ -50,7 +52,9 @@ class LayerFile:
     def line(self, where: str, name: str, colour: str, width: float, t_ns: Stamps, values: NDArray[np.float64]) -> None:
         """A line of values (N,); NaN is a gap."""
         rr = sdk()
-        self.stream.log(where, rr.SeriesLines(colors=[rgba(colour)], widths=[width], names=[name]), static=True)
+        self.stream.log(
+            where, rr.SeriesLines(colors=[rgba(colour)], widths=[width], names=[plain_line(name)]), static=True
+        )
         self.columns(where, t_ns, rr.Scalars.columns(scalars=values))
 
     def states(self, where: str, t_ns: Stamps, states: Sequence[str], colours: Mapping[str, str] | None = None) -> None:
@@ -64,11 +68,12 @@ class LayerFile:
         """Lines of text, each at its moment [ns]."""
         if events:
             t_ns = np.array([at for at, _ in events], dtype=np.int64)
-            self.columns(where, t_ns, sdk().TextLog.columns(text=[text for _, text in events]))
+            self.columns(where, t_ns, sdk().TextLog.columns(text=[plain_line(text) for _, text in events]))
 
     def text(self, where: str, markdown: str) -> None:
-        """A text that stands beside the whole session."""
-        self.stream.log(where, sdk().TextDocument(markdown, media_type="text/markdown"), static=True)
+        """A text that stands beside the whole session. Its tags, links and pictures are shown as they are written."""
+        bare = plain(markdown).replace("<", "&lt;").replace("](", "] (").replace("]:", "] :")
+        self.stream.log(where, sdk().TextDocument(bare, media_type="text/markdown"), static=True)
 
     def key(self, name: str, colours: Mapping[str, str]) -> None:
         """What colours mean, in a strip of its own, so that no legend covers a line: dots in a row, names below."""
@@ -80,7 +85,7 @@ class LayerFile:
                 np.column_stack([np.cumsum(wide) - wide / 2, np.zeros(len(wide))]),
                 radii=rr.Radius.ui_points(7.0),
                 colors=np.array([rgba(colour) for colour in colours.values()], dtype=np.uint32),
-                labels=list(colours),
+                labels=[plain_line(says) for says in colours],
                 show_labels=True,
             ),
             static=True,

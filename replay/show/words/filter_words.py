@@ -21,8 +21,8 @@ def filter_says(summary: Summary) -> Iterator[str]:
         yield found
     if worst := compared(summary)[:CHANNELS]:
         yield "; ".join(worst)
-    if filtered and filtered.unknowns:
-        yield f"asked for: {'; '.join(map(_asked, filtered.unknowns))}"
+    if asked := asked_for(summary):
+        yield f"asked for: {'; '.join(asked)}"
     if filtered and filtered.hot_spots:
         yield f"hottest by the smoother: {heat_words.spots(filtered.hot_spots)}{_held(filtered.hot_spots)}"
     yield from left_out(summary)
@@ -112,6 +112,11 @@ def loss(summary: Summary) -> str | None:
 
 def _watts(value: float) -> str:
     return f"{words.number(round(value, 1))} W".replace("-", "−")
+
+
+def asked_for(summary: Summary) -> list[str]:
+    """What the filter found of each cause that it was asked for."""
+    return [_asked(one) for one in summary.filtered.unknowns] if summary.filtered else []
 
 
 def _asked(one: FoundUnknown) -> str:

@@ -27,13 +27,14 @@ def direction(error: ChannelErrors) -> str:
 
 def mean_error(error: ChannelErrors) -> str:
     """ "4.4 K"; of a reading that the bench file corrects "4.4 K (reading corrected by −1.7 K; as recorded 6.0 K)"."""
-    if not _is_moved(error):
+    if not is_moved(error):
         return words.kelvin(error.mae_K)
     moved, recorded = words.signed_kelvin(error.reading_moved_K or 0.0), words.kelvin(error.mae_recorded_K or 0.0)
     return f"{words.kelvin(error.mae_K)} (reading corrected by {moved}; as recorded {recorded})"
 
 
-def _is_moved(error: ChannelErrors) -> bool:
+def is_moved(error: ChannelErrors) -> bool:
+    """Whether the bench file corrects the reading by enough to be told."""
     return error.reading_moved_K is not None and abs(error.reading_moved_K) >= MOVED_K
 
 
@@ -59,7 +60,7 @@ def answer(summaries: Sequence[Summary]) -> str:
     these = "this recording" if len(summaries) == 1 else f"these {len(summaries)} recordings"
     if not wrong:
         floor = words.kelvin(max(error.floor_K for error in errors))
-        moved = sum(_is_moved(error) for error in errors)
+        moved = sum(is_moved(error) for error in errors)
         beside = f", {words.counted(moved, 'reading')} as the bench file corrects it" if moved else ""
         return f"The model agrees with {these} on average within the sensors' own uncertainty ({floor}){beside}."
     ranking = _ranking(found)

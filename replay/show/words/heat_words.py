@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 
 from replay.engine.results.summary import DeratingCourse, MeterErrors, ModelledSpot, SmoothedSpot, Summary
@@ -63,10 +64,35 @@ def spots(found: Mapping[str, AnySpot]) -> str:
     return words.joined([_spot(spot, one) for spot, one in sorted(found.items(), reverse=True)])
 
 
+def in_brief(summary: Summary) -> list[str]:
+    """Winding and magnet with their bands, the one with the least margin first, then other nodes above their limits:
+    "winding 171 °C (150 to 192), 9.0 K under its limit"."""
+    ranked = sorted(summary.hot_spots.items(), key=lambda item: _urgent(item[1]))
+    told = [_degrees(spot, one) + _beside_limit(one.margin_K) for spot, one in ranked]
+    spots = {one.node for one in summary.hot_spots.values()}
+    above = {node: one for node, one in summary.limits.items() if one.above_s > 0 and node not in spots}
+    return told + [
+        f"{words.name(node)} {one.max_degC:.0f} °C{_beside_limit(one.limit_degC - one.max_degC)}"
+        for node, one in above.items()
+    ]
+
+
+def _urgent(one: AnySpot) -> tuple[float, float]:
+    return math.inf if one.margin_K is None else one.margin_K, -one.max_degC
+
+
+def _beside_limit(margin_K: float | None) -> str:
+    return "" if margin_K is None else f", {margin(margin_K)}"
+
+
 def _spot(spot: str, one: AnySpot) -> str:
+    place = f"({_place(spot, one)}{margin(one.margin_K)})"
+    return f"{_degrees(spot, one)} at {words.clock(one.at_s)} {place}"
+
+
+def _degrees(spot: str, one: AnySpot) -> str:
     band = " ({:.0f} to {:.0f})".format(*one.ci95_degC) if one.ci95_degC else ""
-    place = f"({_place(spot, one)}{_margin(one.margin_K)})"
-    return f"{spot} {one.max_degC:.0f} °C{band} at {words.clock(one.at_s)} {place}"
+    return f"{spot} {one.max_degC:.0f} °C{band}"
 
 
 def _place(spot: str, one: AnySpot) -> str:
@@ -76,7 +102,8 @@ def _place(spot: str, one: AnySpot) -> str:
     return place
 
 
-def _margin(margin_K: float | None) -> str:
+def margin(margin_K: float | None) -> str:
+    """ "12.0 K under its limit", "3.1 K ABOVE its limit"."""
     if margin_K is None:
         return "no limit given"
     return f"{words.kelvin(abs(margin_K))} {'under' if margin_K >= 0 else 'ABOVE'} its limit"
@@ -113,8 +140,8 @@ def _strategy(one: DeratingCourse) -> str:
     if one.late_s > 0:
         text += f" For {words.duration(one.late_s)} the hot spot asks for less current and the sensor does not."
     if one.hottest_free_degC is not None:
-        margin = "" if one.margin_K is None else f", {_margin(one.margin_K)}"
-        text += f" With full current allowed the hot spot reaches {one.hottest_free_degC:.0f} °C{margin}."
+        free = f"{one.hottest_free_degC:.0f} °C{_beside_limit(one.margin_K)}"
+        text += f" With full current allowed the hot spot reaches {free}."
     return text
 
 
@@ -126,11 +153,9 @@ def _course(seconds: float, mean: float, lowest: float) -> str:
 
 
 def meter(one: MeterErrors) -> str:
-    """ "35 W mean error of 1,240 W, worst 80 W at 0:01:00, model too low", or within the meter's own floor."""
-    mae, mean, worst, floor = (quantity(value, one.unit) for value in (one.mae, one.mean, one.max, one.floor))
-    way = "model too low" if one.bias > 0 else "model too high"
-    verdict = f"within its floor ({floor})" if one.within_floor else way
-    return f"{mae} mean error of {mean}, worst {worst} at {words.clock(one.max_at_s)}, {verdict}"
+    """ "P_dc 35 W of 1,240 W (model too low)", or "(within its floor)"."""
+    way = "within its floor" if one.within_floor else "model too low" if one.bias > 0 else "model too high"
+    return f"{one.channel} {quantity(one.mae, one.unit)} of {quantity(one.mean, one.unit)} ({way})"
 
 
 def quantity(value: float, unit: str) -> str:

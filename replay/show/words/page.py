@@ -33,6 +33,7 @@ def template(name: str) -> Template:
         kelvin=words.kelvin,
         unbroken=_unbroken,
         meanerror=findings.mean_error,
+        figures=words.figures,
         signed_kelvin=words.signed_kelvin,
         where=words.where,
         nodename=words.name,

@@ -6,15 +6,17 @@ import re
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
+from typing import Any
 
 from replay.engine.results.summary import ChannelErrors, Summary
 from replay.show.words import heat_words, words
-from replay.show.words.filter_words import checked, filter_says
-from replay.show.words.findings import answer, direction, mean_error, power_balance, worst_first
+from replay.show.words.filter_words import asked_for, checked, left_out
+from replay.show.words.findings import answer, direction, is_moved, mean_error, power_balance, worst_first
 from replay.show.words.width import width
 from twin.filters.by_filterpy import Apart
 
 INDENT = 18
+NAME = 40  # characters of a session's name before its line
 NUMBER_AND_UNIT = re.compile(
     r"(?<=\d) (?=(?:K|°C|degC|W|kW|W/K|J/K|A|Nm|rpm|l/min|%|s|min|h)(?!\w))|(?<=\d) (?=-> \d)|(?<=\d ->) (?=\d)"
 )
@@ -23,77 +25,104 @@ NUMBER_AND_UNIT = re.compile(
 def replay_text(
     summaries: Sequence[Summary], next_command: str, checks: Mapping[str, Apart | None] = MappingProxyType({})
 ) -> str:
-    """What `whyhot replay` prints: answer, a few lines a session, the next command. No colours, no trailing newline.
-    `checks`: session name -> how far filterpy's filter is from its own, None where no filter ran."""
+    """What `whyhot replay` prints: answer, at most four lines a session, what was asked for by its options, the next
+    command; the report says the rest. No colours, no trailing newline. `checks`: session name -> how far filterpy's
+    filter is from its own, None where no filter ran."""
     lines = labelled("What is wrong", answer(summaries))
     for summary in summaries:
         lines += ["", *_session(summary)]
     for text in power_balance(summaries):
         lines += ["", *labelled("Power balance", text)]
-    if checks:
-        lines += ["", *labelled("Filter check", checked(checks))]
+    for label, text in _asked(summaries, checks):
+        lines += ["", *labelled(label, text)]
     return "\n".join([*lines, "", *labelled("Next", next_command)])
 
 
 def labelled(label: str, text: str) -> list[str]:
     """A paragraph beside its label, wrapped; a number and its unit, and "6.1 -> 0.9 K", stay on one line."""
+    wrapped = _wrapped(text, width() - INDENT, break_long_words=False, break_on_hyphens=False) or [""]
+    return [f"{label if i == 0 else '':<{INDENT}}{line}".rstrip() for i, line in enumerate(wrapped)]
+
+
+def _wrapped(text: str, columns: int, **how: Any) -> list[str]:
     bound = NUMBER_AND_UNIT.sub("\N{NO-BREAK SPACE}", text)
-    wrapped = textwrap.wrap(bound, width() - INDENT, break_long_words=False, break_on_hyphens=False) or [""]
-    lines = [f"{label if i == 0 else '':<{INDENT}}{line}".rstrip() for i, line in enumerate(wrapped)]
-    return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines]
+    return [line.replace("\N{NO-BREAK SPACE}", " ") for line in textwrap.wrap(bound, columns, **how)]
 
 
-def _session(summary: Summary) -> Iterator[str]:
+def _asked(summaries: Sequence[Summary], checks: Mapping[str, Apart | None]) -> Iterator[tuple[str, str]]:
+    """A paragraph, with its label, for each option that asks something of the replay."""
+    if told := [f"{one.session_name} {far}" for one in summaries if (far := integrator_says(one))]:
+        yield "Integrator", "; ".join(told)
+    if told := [f"{one.session_name}: {'; '.join(found)}" for one in summaries if (found := asked_for(one))]:
+        yield "Asked for", ". ".join(told)
+    if checks:
+        yield "Filter check", checked(checks)
+
+
+def integrator_says(summary: Summary) -> str | None:
+    """ "bdf2: up to 0.31 K from sdirk2, at the rotor at 0:10:00"; None of a run by the default integrator."""
+    other = summary.integrator
+    if other is None:
+        return None
+    place = f"at the {words.name(other.node)} at {words.clock(other.at_s)}"
+    return f"{other.name}: up to {other.error_K:.2f} K from {other.against}, {place}"
+
+
+def _session(summary: Summary) -> list[str]:
+    """What was measured, what the model gets wrong, and what it says of places without a sensor."""
+    name = summary.session_name
+    head = name if len(name) <= NAME else f"{name[: NAME - 1]}…"
     model = f"model {summary.motor} {words.short(summary.model)}"
-    head = f"{summary.kind}, {words.duration(summary.duration_s)}, {model}, digest {words.short(summary.digest)}"
-    yield from textwrap.wrap(f"{summary.session_name}   {head}", width(), subsequent_indent="  ")
-    if (other := summary.integrator) is not None:
-        place = f"at the {words.name(other.node)} at {words.clock(other.at_s)}"
-        yield f"  {other.name}: up to {other.error_K:.2f} K from {other.against}, {place}"
+    about = [*_measured(summary), f"{summary.kind}, {words.duration(summary.duration_s)}", model]
+    errors = _errors(summary) or ["unknown, as no channel observes a node with usable samples"]
+    return [
+        *_cut(f"{head}   ", about, 1),
+        *_cut("  model, on average: ", errors, 2),
+        *_cut("  hottest by the model: ", [*heat_words.in_brief(summary), *left_out(summary)], 1),
+    ]
+
+
+def _cut(lead: str, parts: Sequence[str], most: int) -> list[str]:
+    """At most `most` lines as wide as the terminal; "…" where that was too little."""
+    text = lead + "; ".join(parts)
+    return _wrapped(text, width(), subsequent_indent="    ", max_lines=most, placeholder=" …") if parts else []
+
+
+def _measured(summary: Summary) -> list[str]:
+    """The highest reading, then those above the limits of their nodes; nothing of runs that were sealed without."""
+    limits = {node: one.limit_degC for node, one in summary.limits.items()}
+    known = [(one, one.measured_max_degC) for one in summary.channels if one.measured_max_degC is not None]
+    ranked = sorted(known, key=lambda item: -item[1])
+    above = [(one, degC) for one, degC in ranked[1:] if degC > limits.get(one.node, degC)]
+    return [_reading(one, degC, limits.get(one.node), summary) for one, degC in ranked[:1] + above]
+
+
+def _reading(one: ChannelErrors, degC: float, limit_degC: float | None, summary: Summary) -> str:
+    """ "magnet measured up to 143.2 °C at 1:02:03, 6.8 K under its limit"."""
+    corrected = " (reading corrected)" if is_moved(one) else ""
+    margin = "" if limit_degC is None else f", {heat_words.margin(limit_degC - degC)}"
+    at = words.clock(one.measured_max_at_s or 0.0)
+    return f"{_label(one, summary)} measured up to {degC:.1f} °C at {at}{corrected}{margin}"
+
+
+def _errors(summary: Summary) -> list[str]:
+    """Where the model is off, furthest first; other meters; what is within the sensors' floor; masked steps."""
     errors = worst_first(summary)
-    if not errors:
-        yield "  no channel of this session observes a node of the model with usable samples"
-        yield from _beside(summary)
-        return
-    labels = [_label(error, errors) for error in errors]
-    wide = max(map(len, labels))
-    yield f"  {'':<{wide}}   {'mean':>7}  {'worst':>7}  {'bias':>7}   measured minus model"
-    for label, error in zip(labels, errors, strict=True):
-        figures = (words.kelvin(error.mae_K), words.kelvin(error.max_K), words.signed_kelvin(error.bias_K))
-        mean, worst, bias = (f"{figure:>7}" for figure in figures)
-        yield from _row(f"  {label:<{wide}}   {mean}  {worst}  {bias}   ", _verdict(error))
-    yield from _beside(summary)
+    fine = [one for one in errors if one.within_floor]
+    told = [_wrong(one, summary) for one in errors if not one.within_floor]
+    told += [heat_words.meter(one) for one in sorted(summary.meters, key=lambda one: one.within_floor)]
+    if fine:
+        floor = words.kelvin(max(one.floor_K for one in fine))
+        told += [
+            f"{words.joined([_label(one, summary) for one in fine])} within the sensors' own uncertainty ({floor})"
+        ]
+    return told + [f"{one.masked:,} steps of {one.channel} masked" for one in errors if one.masked]
 
 
-def _beside(summary: Summary) -> Iterator[str]:
-    """What other meters say, heat, hot spots, what the filter makes of them, limits and derating."""
-    for one in summary.meters:
-        yield from _row(f"  {one.channel} ({one.quantity})   ", heat_words.meter(one))
-    for text in (*heat_words.aged(summary), *heat_says(summary)):
-        yield from _row("  ", text)
+def _wrong(one: ChannelErrors, summary: Summary) -> str:
+    return f"{_label(one, summary)} {mean_error(one)} {direction(one)} ({words.kelvin(one.max_K)} at worst)"
 
 
-def heat_says(summary: Summary) -> list[str]:
-    """What a run says of heat, hot spots, its filter, limits and derating, a sentence each."""
-    told = [heat_words.heat(summary), heat_words.hottest(summary), *filter_says(summary)]
-    return [text for text in (*told, *heat_words.above_limits(summary), *heat_words.derating(summary)) if text]
-
-
-def _label(error: ChannelErrors, errors: Sequence[ChannelErrors]) -> str:
-    shared = sum(other.node == error.node for other in errors) > 1
-    return f"{words.name(error.node)} ({error.channel})" if shared else words.name(error.node)
-
-
-def _verdict(error: ChannelErrors) -> str:
-    place = words.where(error.where)
-    most = f"most {place}" if place else f"worst at {words.clock(error.max_at_s)}"
-    verdict = f"model {direction(error)}, {most}"
-    if error.within_floor:
-        verdict = f"within its floor ({words.kelvin(error.floor_K)})"
-    beside = f"; mean {told}" if (told := mean_error(error)) != words.kelvin(error.mae_K) else ""
-    return verdict + beside + (f"; {error.masked:,} steps masked" if error.masked else "")
-
-
-def _row(start: str, text: str) -> list[str]:
-    lines = textwrap.wrap(text, max(width() - len(start), 20), break_long_words=False, break_on_hyphens=False)
-    return [f"{start if i == 0 else ' ' * len(start)}{line}" for i, line in enumerate(lines)]
+def _label(one: ChannelErrors, summary: Summary) -> str:
+    shared = sum(other.node == one.node for other in summary.channels) > 1
+    return f"{words.name(one.node)} ({one.channel})" if shared else words.name(one.node)

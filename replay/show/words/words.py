@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 PLACES: Mapping[str, tuple[str, str]] = {  # key of `where` -> words before, unit after; the most telling first
     "speed_rpm": ("at", "rpm"),
@@ -15,6 +16,27 @@ PLACES: Mapping[str, tuple[str, str]] = {  # key of `where` -> words before, uni
 def kelvin(value: float) -> str:
     """`4.36` -> "4.4 K"."""
     return f"{value:.1f} K"
+
+
+def figures(values: Sequence[float | None]) -> list[str]:
+    """Sizes that are compared, with as many digits as tell them apart, up to two behind the point: "1.4" and "0.9",
+    "0.71" and "0.69"; what would be 0.0 as "0.03"; "–" for None."""
+    one, two = ([_figure(value, digits) for value in values] for digits in (1, 2))
+    return two if len(set(one)) < len(set(two)) else one
+
+
+def _figure(value: float | None, digits: int) -> str:
+    if value is None:
+        return "–"
+    fixed = f"{value:.{digits}f}"
+    return fixed if float(fixed) else f"{value:.1g}"
+
+
+def became(values: Sequence[float | None]) -> str:
+    """ "8.1 -> 0.7 -> 0.5"; "0.7 = 0.7" where nothing changed that could be told."""
+    told = figures(values)
+    steps = (f" {'=' if now == was != '–' else '->'} {now}" for was, now in pairwise(told))
+    return told[0] + "".join(steps) if told else ""
 
 
 def signed(value: float) -> str:

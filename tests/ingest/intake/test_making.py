@@ -56,10 +56,12 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return [*paths, broken]
 
 
-def taken(store: Store, logs: list[Path], workers: Workers | None) -> Intake:
+def taken(
+    store: Store, logs: list[Path], workers: Workers | None, tell: Callable[[str], None] = lambda _: None
+) -> Intake:
     folder = logs[0].parent
     setup = prepare(logs, folder / "bench.toml", [folder / "bench.dbc"], for_intake)
-    return take_in(store, logs, setup, Override(), workers=workers)
+    return take_in(store, logs, setup, Override(), tell, workers=workers)
 
 
 def made(store: Store) -> dict[str, str]:
@@ -92,6 +94,8 @@ def test_a_log_at_which_workers_end_is_quarantined_and_stops_no_other(logs: list
         assert intake.refusals == [f"{DEADLY}: {Lost.why}"]
         assert [one.decode.outcome for one in intake.files if one.decode] == ["decoded", "quarantined", "decoded"]
         assert len(intake.sessions) == 2
-        again = taken(store, logs[:3], None)
+        said: list[str] = []
+        again = taken(store, logs[:3], None, said.append)
         assert again.refusals == []
+        assert [line.split(",")[0] for line in said] == [f"{what} 1 of 1: {DEADLY}" for what in ("reading", "decoding")]
         assert len(facts.at(store.ledger).sessions) == 3

@@ -15,7 +15,7 @@ from typing import TextIO
 
 import pytest
 
-from replay.cli import main
+from replay.cli import main, progress
 from replay.cli.colour import coloured
 from replay.show.words.terminal import labelled
 from replay.show.words.width import width
@@ -92,3 +92,37 @@ def test_a_refusal_is_red_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None
         stream.flush()
         printed = os.read(reads, 1000).decode()
     assert printed.strip() == "\033[1;31mwhyhot: replya is no verb. Nearest: replay. whyhot --help lists all\033[0m"
+
+
+def test_progress_tells_pace_and_time_left_beside_its_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TERM", "xterm")
+    now = iter([10.0, 14.0, 18.0, 19.0, 20.0, 20.5])
+    monkeypatch.setattr("replay.cli.progress.monotonic", lambda: next(now))
+    with terminal(100) as (stream, reads), monkeypatch.context() as patched:
+        patched.setattr(sys, "stderr", stream)
+        for line in (
+            "reading 1 of 12: a",
+            "reading 2 of 12: b",
+            "reading",
+            "reading 4 of 12: c of 2",
+            "reading 1 of 12: a",
+        ):
+            progress.tell(line)
+        for line in ("event 1 of 2,000", "event 1,001 of 2,000"):
+            progress.tell(line)
+        printed = os.read(reads, 2000).decode().split("\r\033[K")[1:]
+    assert printed == [
+        "reading 1 of 12: a",
+        "reading 2 of 12 (4.0 s each, 44 s left): b",
+        "reading",
+        "reading 4 of 12 (2.7 s each, 24 s left): c of 2",
+        "reading 1 of 12: a",
+        "event 1 of 2,000",
+        "event 1,001 of 2,000 (2,000 a second, 0 s left)",
+    ]
+
+
+def test_elsewhere_there_is_no_progress(capsys: pytest.CaptureFixture[str]) -> None:
+    for number in (1, 2):
+        progress.tell(f"reading {number} of 12")
+    assert capsys.readouterr() == ("", "")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -174,13 +175,20 @@ def test_what_would_take_away_more_than_there_is_takes_no_others_place(monkeypat
     assert refit.candidate == found.candidates[second]
 
 
-def test_patchwork_is_no_name(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_patchwork_is_no_name_and_progress_says_which_cause_the_search_is_at(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(naming, "is_patchwork", lambda *_: True)
-    found = search(_model(_with_loss(), 0), CANDIDATES)
+    said: list[str] = []
+    found = search(_model(_with_loss(), 0), CANDIDATES, said.append)
     assert found.accepted == ()
     assert [str(one.candidate.cause) for one in found.patchwork] == [HIDDEN]
     assert found.is_unknown
     assert found.final is found.rounds[0].base
+    assert any(re.fullmatch(rf"cause 1: refit \d of \d: {HIDDEN}", line) for line in said)
+    second = [line for line in said if line.startswith("cause 2: ")]
+    assert second[:2] == [
+        "cause 2: recalibrating, fit 1 of 3: noise",
+        "cause 2: recalibrating, fit 2 of 3: priors of families",
+    ]
 
 
 def test_a_heat_that_no_candidate_holds_against_is_unknown(hidden: list[Naming]) -> None:

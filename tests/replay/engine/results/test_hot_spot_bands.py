@@ -4,6 +4,7 @@ known."""
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,8 @@ from made import can_bench
 from replay.cli import main
 from replay.engine.files.motor_file import read_motor
 from replay.engine.results.hot_spot_bands import MOST_NODES, known_covariance
+from replay.engine.results.summary import read
+from replay.show.reports.report import heat_says
 
 SPOTS = ("winding", "magnet")
 
@@ -87,7 +90,7 @@ def test_what_a_calibration_left_unknown_goes_together(bench: Path, model: str) 
     assert abs(covariance / sd / sd[:, None] - np.eye(len(sd))).max() > 0.5
 
 
-def test_the_terminal_says_the_band_and_what_it_holds(
+def test_the_terminal_says_the_band_and_the_report_what_it_holds(
     bench: Path, model: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for words, holds in (
@@ -98,8 +101,9 @@ def test_the_terminal_says_the_band_and_what_it_holds(
         assert main(["replay", "2_kept", *words, "--store", str(bench / "store")]) == 0
         said = " ".join(capsys.readouterr().out.split())
         low, high = _spots(bench, *words)["winding"]["ci95_degC"]
-        assert f"°C ({low:.0f} to {high:.0f}) at " in said
-        assert holds in said
+        assert re.search(rf"hottest by the model: winding \d+ °C \({low:.0f} to {high:.0f}\)", said)
+        (run,) = json.loads((bench / "run.json").read_text(encoding="utf-8"))["runs"]
+        assert holds in " ".join(heat_says(read(run)))
 
 
 def test_a_network_of_hundreds_of_nodes_says_that_it_has_no_band_and_no_filter_and_why(
@@ -117,7 +121,7 @@ def test_a_network_of_hundreds_of_nodes_says_that_it_has_no_band_and_no_filter_a
     assert answer["notes"] == [f"2_kept: no band and no filter: {why}"]
     capsys.readouterr()
     assert main(["replay", "2_kept", "--model", str(sliced), "--store", str(bench / "store")]) == 0
-    assert f"no band and no filter: {why}" in capsys.readouterr().out
+    assert "; no band and no filter: the network has 102 " in capsys.readouterr().out
 
 
 def test_a_run_with_band_and_filter_has_nothing_to_note(bench: Path) -> None:

@@ -42,6 +42,7 @@ def test_a_channel_is_summed_up_over_what_may_be_used() -> None:
     assert errors.max_K == 3.0
     assert errors.bias_K == pytest.approx(2.0 / 3.0)
     assert errors.max_at_s == 2.0
+    assert (errors.measured_max_degC, errors.measured_max_at_s) == (53.0, 2.0)
     assert errors.masked == 1
     assert errors.floor_K == pytest.approx(0.5)
 

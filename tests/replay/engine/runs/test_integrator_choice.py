@@ -52,4 +52,4 @@ def test_it_is_another_run_and_says_its_distance(store: Path, capsys: pytest.Cap
 
 def test_the_text_says_it_too(store: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["replay", "1_drive", "--integrator", "bdf2", "--store", str(store)]) == 0
-    assert "  bdf2: up to 0." in capsys.readouterr().out
+    assert "Integrator        1_drive bdf2: up to 0." in capsys.readouterr().out

@@ -58,7 +58,7 @@ def test_settings_and_terminal_say_it(store: Path, capsys: pytest.CaptureFixture
     answer = _answer(store, capsys, "--unknown", "loss.magnet.scale")
     assert answer["provenance"]["settings"]["unknown"] == ["loss.magnet.scale"]
     assert main(["replay", "1_hot", "--unknown", "loss.magnet.scale", "--store", str(store)]) == 0
-    assert "asked for: loss.magnet.scale times " in " ".join(capsys.readouterr().out.split())
+    assert "Asked for 1_hot: loss.magnet.scale times " in " ".join(capsys.readouterr().out.split())
 
 
 def test_what_no_filter_finds_is_refused_in_a_line(store: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ingest.texts.plain import STEERING
 from made.diagnoses import (
     ABSORBED,
     ALL,
@@ -195,7 +196,7 @@ def test_an_unknown_heat_has_its_own_section(tmp_path: Path) -> None:
     assert "The cause, and what it changes" not in text
 
 
-HOSTILE = '<script>alert("1")</script> & $x^2$ \'"<img src=x>'
+HOSTILE = '<script>alert("1")</script> & $x^2$ \'"<img src=x>\x1b[2J\u202egnp' + "m" * 200
 
 
 def test_hostile_names_stay_text(tmp_path: Path) -> None:
@@ -212,7 +213,9 @@ def test_hostile_names_stay_text(tmp_path: Path) -> None:
         next_test=HOSTILE,
     )
     context = ReportContext(command=HOSTILE, store_head=HOSTILE, versions={HOSTILE: HOSTILE})
-    parsed = Tags(page(tmp_path, hostile, {}, HOSTILE, context))
+    text = page(tmp_path, hostile, {}, HOSTILE, context)
+    assert not STEERING.search(text) and "\\u001b[2J\\u202egnp" in text
+    parsed = Tags(text)
     assert [tag for tag, _ in parsed.tags if tag in ("script", "img")] == ["script"], "ours alone"
     assert parsed.text.count("alert(") >= 15
 

@@ -14,6 +14,7 @@ import pytest
 
 from made.runs import made_run
 from replay.engine.results.run import Run
+from replay.engine.results.summary import LimitPassed, ModelledSpot
 from replay.show.reports.report import LINES, ReportContext, write_report
 from replay.show.words import words
 from replay.show.words.findings import answer, finding, power_balance, worst_first
@@ -145,19 +146,48 @@ def test_a_number_and_its_unit_are_not_parted_by_a_line() -> None:
     assert labelled("Gain", "x" * 79 + " 2 seconds")[1].strip() == "seconds"
 
 
-def test_the_terminal_lists_each_node_with_error_bias_and_floor() -> None:
-    text = replay_text([made_run(masked=(0, 100)).summary], "whyhot report 1_s1")
-    assert re.search(
-        r"rotor surface +3\.2 K +6\.0 K +\+3\.0 K +model too cold, most at 3,200 to 3,500 rpm; 100 steps", text
-    )
-    assert re.search(r"winding +0\.2 K +0\.2 K +−0\.2 K +within its floor \(0\.5 K\)", text)
+@pytest.mark.parametrize(("columns", "name"), [(60, "1"), (100, "a_name_that_likes_to_be_precise" * 3), (140, "1_s1")])
+def test_a_session_has_at_most_four_lines_and_begins_with_its_highest_reading(
+    columns: int, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", str(columns))
+    run = made_run(name)
+    many = [replace(one, channel=f"{one.channel}{i}") for i in range(9) for one in run.summary.channels]
+    spots = {"winding": ModelledSpot(node="winding", max_degC=171.0, at_s=1.0, limit_degC=180.0, margin_K=9.0)}
+    _, session, *_ = replay_text([replace(run.summary, channels=many, hot_spots=spots)], "next").split("\n\n")
+    lines = session.splitlines()
+    assert len(lines) == 4 and max(map(len, lines)) <= columns
+    assert lines[0].startswith(f"{name if len(name) < 40 else name[:39] + '…'}   rotor surface (T_30) measured up to ")
+    assert lines[1].startswith("  model, on average:") and lines[2].endswith(" …")
+    assert lines[3].startswith("  hottest by the model: winding 171 °C, 9.0 K under its ")
 
 
-def test_two_channels_on_one_node_are_told_apart() -> None:
+def test_the_terminal_says_of_each_node_how_far_off_which_way_and_what_the_sensor_leaves_open(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("COLUMNS", "140")
+    run = made_run(masked=(0, 100))
+    limits = {"winding": LimitPassed(limit_degC=70.0, above_s=1.0, max_degC=81.0)}
+    text = replay_text([replace(run.summary, limits=limits)], "whyhot report 1_s1")
+    highest, winding = (max(run.observed[j].measured) for j in (2, 0))
+    assert f"1_s1   rotor surface measured up to {highest:.1f} °C at 0:40:00; " in text
+    assert f"; winding measured up to {winding:.1f} °C at 0:40:00, {winding - 70:.1f} K ABOVE its limit; " in text
+    assert "  model, on average: rotor surface 3.2 K too cold (6.0 K at worst); " in text
+    assert "; winding and stator within the sensors' own uncertainty (0.5 K); 100\n    steps of T_3 masked" in text
+
+
+def test_what_the_file_corrects_is_said_beside_the_highest_reading_and_the_error() -> None:
     run = made_run()
-    twice = [*run.summary.channels, replace(run.summary.channels[0], channel="T_9")]
-    text = replay_text([replace(run.summary, channels=twice)], "next")
-    assert "winding (T_1)" in text and "winding (T_9)" in text
+    moved = [replace(one, mae_recorded_K=5.0, reading_moved_K=-1.7) for one in run.summary.channels]
+    text = replay_text([replace(run.summary, channels=moved)], "next")
+    assert re.search(r"measured up to [\d.]+ °C at 0:40:00 \(reading corrected\); ", text)
+    assert "average: rotor surface 3.1 K (reading corrected by −1.7 K; as recorded 5.0 K) too cold" in text
+
+
+def test_runs_that_were_sealed_without_the_highest_reading_are_told_without_it() -> None:
+    run = made_run()
+    old = [replace(one, measured_max_degC=None) for one in run.summary.channels]
+    assert "\n1_s1   s1, 40 min; model " in replay_text([replace(run.summary, channels=old)], "next")
 
 
 def test_the_report_tells_in_order_answer_sessions_maps_balance_and_source(two: str) -> None:

@@ -8,9 +8,9 @@ import pytest
 
 from made.runs import made_summary
 from replay.engine.results.summary import Summary
+from replay.show.reports.report import heat_says
 from replay.show.words.filter_words import compared, filter_says, left_out, loss, worst_compared
 from replay.show.words.terminal import replay_text
-from replay.show.words.width import ELSEWHERE
 
 COURSE = {"mean_W": 161.2, "sd_W": 17.0, "max_W": 193.3, "max_sd_W": 16.1, "max_at_s": 280.5}
 SPOT: dict[str, Any] = {"max_degC": 120.0, "at_s": 1190.0, "limit_degC": 150.0, "margin_K": 30.0}
@@ -120,10 +120,9 @@ def test_nothing_is_said_of_runs_that_were_sealed_before_there_was_a_filter() ->
     assert said == "magnet (MAG, not read): open loop 11.4 K off on average, filter 1.2 K"
 
 
-def test_the_terminal_says_it_within_its_width() -> None:
-    whole = summary()
-    lines = replay_text([whole], "whyhot report 1_s1").splitlines()
-    text = " ".join(" ".join(lines).split())
-    for said in filter_says(whole):
-        assert said in text
-    assert max(map(len, lines)) <= ELSEWHERE
+def test_the_report_says_it_and_the_terminal_what_was_asked_for() -> None:
+    numbers = {"id": "sensor.teeth.bias", "unit": "K", "mean": -0.4, "sd": 0.052, "min": -0.4, "max": 1.5}
+    whole = summary(filtered={**FILTERED, "unknowns": [numbers]})
+    assert set(filter_says(whole)) <= set(heat_says(whole))
+    asked = "Asked for         1_s1: sensor.teeth.bias −0.4 K on average (sd 0.052 K at any time, −0.4 to 1.5 K)"
+    assert asked in replay_text([whole], "whyhot report 1_s1").splitlines()
