@@ -49,7 +49,7 @@ def taken_away(diagnosis: Diagnosis) -> str:
     """What is beyond usual without the causes and no longer with them; "" where nothing is."""
     left = {(one.says, one.session) for one in of_last_fit(diagnosis)}
     gone = [one for one in diagnosis.findings if one.when == "before" and (one.says, one.session) not in left]
-    names = [f"{_whose(diagnosis, one)} ({_how_far(one)})" for one in gone[:SHOWN]]
+    names = [f"{_whose(diagnosis, one)} ({'at its bound' if one.bound else _how_far(one)})" for one in gone[:SHOWN]]
     more = [f"{len(gone) - SHOWN} more"] if len(gone) > SHOWN else []
     cause = "causes" if len(diagnosis.causes) > 1 else "cause"
     return f"No longer beyond usual with the {cause}: {words.joined([*names, *more])}" if gone else ""

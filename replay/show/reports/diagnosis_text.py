@@ -145,22 +145,29 @@ def _gain(diagnosis: Diagnosis) -> Iterator[str]:
 
 
 def _before_and_after(gains: Sequence[KeptGain], of: Sequence[str]) -> Iterator[str]:
-    """The node that the answer tells first, then the better, the worse, and on one line what the interval leaves
-    unchanged."""
+    """The node that the answer tells first, then the better, the worse, those whose interval holds 0, and on one line
+    those whose error stayed."""
     first, *others = gains
+    stayed = [gain for gain in others if kept_errors.stayed(gain)]
     yield _at(first, of, _change(first))
-    for word in ("better", "worse"):
-        yield from (_at(gain, of, _change(gain)) for gain in others if kept_errors.change(gain) == word)
-    if same := [gain for gain in others if kept_errors.change(gain) == "unchanged"]:
-        yield f"unchanged by the cause: {' · '.join(_at(gain, of[-1:]) for gain in same)}"
+    for word in ("better", "worse", "unchanged"):
+        own = [gain for gain in others if kept_errors.change(gain) == word and gain not in stayed]
+        yield from (_at(gain, of, _change(gain)) for gain in own)
+    if stayed:
+        yield f"unchanged by the cause: {' · '.join(_at(gain, of[-1:]) for gain in stayed)}"
 
 
 def _change(gain: KeptGain) -> str:
-    """ "0.2 better (0.1 to 0.4)": of the fitted errors with the cause, and its interval."""
-    word, ends = kept_errors.change(gain), sorted(abs(end) for end in gain.ci95_K)
-    if word == "unchanged":
+    """ "0.2 better (0.1 to 0.4)": of the fitted errors with the cause, and its interval. "1.3 better, which may be
+    chance (-0.4 to 3.0)" where that holds 0."""
+    change, ends = kept_errors.change(gain), sorted(gain.ci95_K)
+    if kept_errors.stayed(gain):
         return "unchanged by the cause"
-    return f"{abs(gain.mae_before_K - gain.mae_after_K):.1f} {word} ({ends[0]:.1f} to {ends[1]:.1f})"
+    word = "better" if gain.mae_before_K > gain.mae_after_K else "worse"
+    low, high = ends if word == "better" else (-ends[1], -ends[0])
+    chance = ", which may be chance" if change == "unchanged" else ""
+    at = " to ".join(words.signed(end).removeprefix("+") for end in (low, high))
+    return f"{abs(gain.mae_before_K - gain.mae_after_K):.1f} {word}{chance} ({at})"
 
 
 def _at(gain: KeptGain, of: Sequence[str], *more: str) -> str:

@@ -70,6 +70,12 @@ def change(gain: KeptGain) -> str:
     return "worse" if high < 0 else "unchanged"
 
 
+def stayed(gain: KeptGain) -> bool:
+    """Whether the cause changes an error neither by its interval nor by as much as is told, replayed or fitted."""
+    of = [told for told in (told_first(gain, True), fitted(gain)) if {"before", "after"} <= told.keys()]
+    return change(gain) == "unchanged" and all(abs(told["after"] - told["before"]) < WORSE_K for told in of)
+
+
 def rise_K(gain: KeptGain, named: bool) -> float:
     """How much larger the error is at the last stage than as published [K], told first or fitted: where it is more."""
     of = list(told_first(gain, named))

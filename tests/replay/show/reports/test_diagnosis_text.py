@@ -108,6 +108,19 @@ def test_the_gain_lists_better_worse_and_unchanged_nodes() -> None:
     assert worse in flat(diagnosis_text(NOT_IMPROVED))
 
 
+def test_an_error_that_moves_without_the_interval_saying_so_is_not_called_unchanged() -> None:
+    nodes = [
+        gain("rotor", 3.7, 2.4, (-0.02, 2.8), 5.0),
+        gain("winding", 0.4, 0.5, (-0.3, 0.2), 5.2, recorded=(3, 0.9, 1.3)),
+    ]
+    text = flat(diagnosis_text(replace(NAMED, gain=nodes)))
+    assert "rotor fitted 5.0 -> 3.7 -> 2.4 K, 1.3 better, which may be chance (0.0 to 2.8)" in text
+    assert (
+        "winding 3.0 -> 0.9 -> 1.3 K (fitted 5.2 -> 0.4 -> 0.5 K, 0.1 worse, which may be chance (−0.2 to 0.3))" in text
+    )
+    assert "unchanged" not in text
+
+
 @pytest.mark.parametrize(
     ("ci", "word"), [((0.1, 0.4), "better"), ((-0.1, 0.4), "unchanged"), ((-0.4, -0.1), "worse"), ((0, 0), "unchanged")]
 )
