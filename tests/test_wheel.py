@@ -100,6 +100,10 @@ def test_help_and_demo_work_from_an_empty_folder(installed: Path, tmp_path: Path
         assert _not_printed(block, second) == []
     shown, drawn = (_texts(path) for path in (ROOT / "docs" / "demo.svg", tmp_path / "demo" / "why.svg"))
     assert len(shown) > 20 and _not_printed(shown, drawn) == [], "docs/demo.svg is what the demo draws"
+    reported = _texts(tmp_path / "demo" / "why_real_motor.html")
+    for picture in ("real_motor_chain", "real_motor_law"):
+        shown = _texts(ROOT / "docs" / f"{picture}.svg")
+        assert len(shown) > 10 and _not_printed(shown, reported) == [], f"docs/{picture}.svg is of the demo's report"
     answer = json.loads((tmp_path / "answer.json").read_text(encoding="utf-8"))
     assert [run["session_name"] for run in answer["runs"]] == [f"id_{number}" for number in RECORDINGS]
     assert (tmp_path / "demo" / "report.html").stat().st_size > 100_000
