@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sqlite3
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -26,6 +26,7 @@ from ingest.facts.ledger_lock import has_wal_reset_bug
 from ingest.facts.ledger_place import SqliteFile
 from ingest.facts.store import Store, mark_of, place_of
 from ingest.facts.sweeping import remains
+from ingest.units.each import Workers, each
 
 AGAIN = "`whyhot rebuild` makes it again"
 READ_WRONG = "was read wrong at first and right after: check the memory and disk of this machine"
@@ -67,8 +68,9 @@ class StoreCheck:
         return None
 
 
-def check(store: Store, read: bool = True, since: Head | None = None) -> StoreCheck:
-    """Check the ledger of `store` and all that it cites; with `read` every sealed byte and product is hashed again.
+def check(store: Store, read: bool = True, since: Head | None = None, workers: Workers | None = None) -> StoreCheck:
+    """Check the ledger of `store` and all that it cites; with `read` every sealed byte and product is hashed again, by
+    `workers` first, and what they do not find whole in this process.
 
     `since` is a head that was noted down before.
     """
@@ -80,7 +82,8 @@ def check(store: Store, read: bool = True, since: Head | None = None) -> StoreCh
         first, seen = seen, audit(store.ledger, since)
         if not seen.findings:
             found.hints.append(f"{place.where}: was read wrong at first and right after: {first.findings[0].says}")
-    _check_files(found, store.files, store.archive, seen, read)
+    whole = _whole_by(workers, store, seen) if read and workers else set()
+    _check_files(found, store.files, store.archive, seen, read, whole)
     index = store.folder.absolute() / INDEX
     kept = LedgerIndex.load(index, place.stamp())
     if kept and not seen.findings and not kept.says_as(seen.recorded):
@@ -90,6 +93,29 @@ def check(store: Store, read: bool = True, since: Head | None = None) -> StoreCh
         found.hints += _sqlite()
     found.head = None if seen.findings else seen.head
     return found
+
+
+def _whole_by(workers: Workers, store: Store, seen: LedgerHistory) -> set[tuple[str, str]]:
+    """Of sealed files and products, those that workers find whole: where each lies in the store, and its SHA-256."""
+    jobs = [(f"archive/{sha256[:2]}/{sha256}", sha256) for sha256 in store.archive]
+    for one in seen.recorded:
+        if isinstance(one.event, DecodeCompleted):
+            jobs += [(_product(one.event, name), sha256) for name, sha256 in one.event.products.items()]
+    return {job for job, whole in each(partial(_is_whole, store.folder.absolute()), jobs, workers) if whole is True}
+
+
+def _is_whole(folder: Path, job: tuple[str, str]) -> bool:
+    """Whether a file of the store in `folder` has the SHA-256 that it should; a worker asks."""
+    place, sha256 = job
+    files = place_of(folder, mark_of(folder))
+    try:
+        return sha256_of(files / place) == sha256
+    except (OSError, StoreError):
+        return False  # who asked looks again, and says why
+
+
+def _product(decode: DecodeCompleted, name: str) -> str:
+    return f"decoded/{decode.decode}/{Path(name).name}"
 
 
 def check_without_ledger(folder: Path, why: str, read: bool = True) -> StoreCheck:
@@ -113,13 +139,22 @@ def hints(store: Store) -> list[str]:
     return check(store, read=False).hints
 
 
-def _check_files(found: StoreCheck, folder: Place, archive: Archive, seen: LedgerHistory, read: bool) -> None:
+def _check_files(
+    found: StoreCheck,
+    folder: Place,
+    archive: Archive,
+    seen: LedgerHistory,
+    read: bool,
+    whole: Collection[tuple[str, str]] = (),
+) -> None:
+    """`whole`: files that need not be looked at, as `_whole_by` gives them."""
     facts, files = fold(seen.recorded), cited(seen.recorded)
     for says, stream in seen.findings:
         key = stream.partition("-")[2] if stream else ""
         found.damages.append(Damage(says, sessions_on(facts, key), LEDGER))
-    _check_sealed(found, archive, files, read, partial(sessions_on, facts))
-    _check_products(found, folder, list(facts.decodes.values()), read, partial(sessions_on, facts))
+    sealed = {sha256 for place, sha256 in whole if place.startswith("archive/")}
+    _check_sealed(found, archive, files, read, partial(sessions_on, facts), sealed)
+    _check_products(found, folder, list(facts.decodes.values()), read, partial(sessions_on, facts), whole)
     if not seen.findings:
         gone = forgotten(seen.recorded)
         decodes = {one.event.decode for one in seen.recorded if isinstance(one.event, DecodeCompleted)}
@@ -136,11 +171,12 @@ def _check_sealed(
     files: Mapping[str, Cited],
     read: bool,
     affects: Callable[[str], tuple[str, ...]],
+    whole: Collection[str],
 ) -> None:
     names, bad = sorted({*archive, *files}), 0
     for sha256 in names:
         path = archive.folder / sha256[:2] / sha256
-        if says := found.twice(path, partial(archive.damage, sha256, read)):
+        if sha256 not in whole and (says := found.twice(path, partial(archive.damage, sha256, read))):
             file = files.get(sha256, Cited(sha256, "no event cites it", "delete it: no event cites it"))
             found.damages.append(Damage(f"{says} ({file.what})", affects(file.run or sha256), file.mend))
             bad += 1
@@ -153,6 +189,7 @@ def _check_products(
     decodes: list[DecodeCompleted],
     read: bool,
     affects: Callable[[str], tuple[str, ...]],
+    whole: Collection[tuple[str, str]],
 ) -> None:
     """A product that is missing is a hint: it is made again; one that is not what the decode gave is damage. Where
     all are missing, that is one hint."""
@@ -162,9 +199,12 @@ def _check_products(
         for name, sha256 in decode.products.items():
             path = folder / "decoded" / decode.decode / Path(name).name
             count += 1
+            says: str | None = None
+            if (_product(decode, name), sha256) in whole:
+                continue
             if not decode.decode.isalnum():
-                says: str | None = f"{folder}: {decode.decode!r} is not the id of a decode: it was forged"
-                found.damages.append(Damage(str(says), affects(decode.decode), BACKUP))
+                says = f"{folder}: {decode.decode!r} is not the id of a decode: it was forged"
+                found.damages.append(Damage(says, affects(decode.decode), BACKUP))
             elif not path.is_file():
                 says = f"{path}: is missing: {AGAIN}"
                 missing.append(says)

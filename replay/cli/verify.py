@@ -8,6 +8,8 @@ import shlex
 from typing import TYPE_CHECKING
 
 from replay.cli.answer import Answer, provenance, store_folder
+from replay.cli.asked import ask_workers, workers_of
+from replay.errors import ReplayDataError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -22,6 +24,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--read", action="store_true", help="read and hash every sealed file and product too")
     says = "a head noted earlier (from whyhot head or a report): nothing before it may have changed"
     parser.add_argument("--since", metavar="POSITION:ROOT", help=says)
+    ask_workers(parser)
 
 
 def run(args: argparse.Namespace) -> Answer:
@@ -29,10 +32,12 @@ def run(args: argparse.Namespace) -> Answer:
     from ingest.facts import store_check
     from ingest.facts.store import Store
 
-    folder, since = store_folder(args), _head(args.since)
+    folder, since, workers = store_folder(args), _head(args.since), workers_of(args)
+    if workers and not args.read:
+        raise ReplayDataError("--workers and --scheduler read sealed files and products: give --read too.")
     try:
         with Store.open(folder) as store:
-            found = store_check.check(store, args.read, since)
+            found = store_check.check(store, args.read, since, workers)
     except ServerError:
         raise
     except LedgerError as error:

@@ -212,3 +212,21 @@ def test_a_damaged_backup_is_mended_from_its_store(bench: Path, capsys: Capture)
     assert "Next whyhot backup --store STORE copy --read, if it is the backup of STORE; else" in said
     assert main(["backup", "copy", "--read"]) == 0
     assert main(["verify", "--read", "--store", "copy"]) == 0
+
+
+def test_workers_find_the_same_damage(bench: Path, capsys: Capture) -> None:
+    with Store.open(bench / "store") as store:
+        _spoil(on_disk(store.archive.path(next(iter(store.archive)))))
+        product = next(path for path in sorted((bench / "store" / "decoded").rglob("*.parquet")))
+    _spoil(product)
+    answers = []
+    for words in ([], ["--workers", "2"]):
+        assert main(["verify", "--read", *words]) == 1
+        said = capsys.readouterr()
+        answers.append((said.out, said.err))
+    assert answers[0] == answers[1]
+    assert answers[0][1].count("is damaged") == 2
+    assert main(["verify", "--workers", "2"]) == 2
+    assert capsys.readouterr().err.endswith(
+        "--workers and --scheduler read sealed files and products: give --read too.\n"
+    )
