@@ -18,6 +18,7 @@ from ingest.facts.move_files import move_files
 from ingest.facts.store import Store
 from made import can_bench
 from made.bucket import BucketServer, bucket_server, with_keys
+from made.postgres import postgres, why_none
 from replay.cli import main
 
 Capture = pytest.CaptureFixture[str]
@@ -80,6 +81,23 @@ def test_files_and_digests_of_runs_and_a_diagnosis_are_equal(stores: dict[str, P
     files = {str(path.relative_to(stores["here"])) for path in lying}
     assert {name.removeprefix("store/") for name in bucket.names()} == {*files, "whyhot.json"}
     assert not [*stores["there"].glob("*/*/*")]
+
+
+@pytest.mark.skipif(why_none() is not None, reason=why_none() or "")
+def test_ledger_in_a_server_files_in_a_bucket_and_two_processes_give_the_same_digests(
+    stores: dict[str, Path], bucket: BucketServer, tmp_path: Path
+) -> None:
+    bench, far = stores["here"].parent, tmp_path / "far"
+    words = ["--bench", str(bench / "bench.toml"), "--dbc", str(bench / "bench.dbc"), "--store", str(far)]
+    assert main(["ingest", str(bench / "0.blf"), *words]) == 0
+    with postgres() as server:
+        move_files(far, bucket.url("far"))
+        assert main(["move", server.url, "--store", str(far)]) == 0
+        assert main(["ingest", str(bench / "1.blf"), *words]) == 0
+        assert main(["replay", "--workers", "2", "--store", str(far)]) == 0
+        found = digests(far)
+        assert main(["verify", "--read", "--store", str(far)]) == 0
+    assert found.items() <= digests(stores["here"]).items() and len(found) == 2
 
 
 @pytest.mark.parametrize(
