@@ -85,6 +85,13 @@ def html(tmp_path_factory: pytest.TempPathFactory) -> str:
     return page(tmp_path_factory.mktemp("report"), NAMED, runs(names=FEW), DIFF)
 
 
+def test_links_lead_from_the_answer_to_what_it_rests_on(html: str) -> None:
+    lead = html[: html.index("</header>")]
+    links = re.findall(r'<a href="#([\w-]+)"', lead)
+    assert links == ["cause-1", "evidence-1"]
+    assert all(html.count(f' id="{link}"') == 1 for link in links)
+
+
 def test_it_says_which_command_leads_to_the_bytes(html: str) -> None:
     lineage = re.findall(r"<code>whyhot lineage ([^<]+)</code>", html)
     assert lineage[0] == diagnosis_name(NAMED)
