@@ -38,9 +38,11 @@ INTRO = """\
 Eleven bench recordings of a water-cooled interior-magnet motor, and the thermal network that its authors published
 (IEEE Trans. Power Electronics 2024, DOI 10.1109/TPEL.2024.3409388; data under MIT licence, examples/hust_motor)."""
 
-WHY = "Why? Learnt from the first eight, id_0 to id_9, kept id_10, id_12 and id_14:"
-LEARN = ("id_0", "id_1", "id_2", "id_3", "id_4", "id_6", "id_7", "id_9")
-KEEP = ("id_10", "id_12", "id_14")
+WHY = """\
+Why? Learnt from eight. Kept are those where this network is furthest off at the rotor (id_4), furthest off at the
+stator (id_10), and nearest (id_14):"""
+LEARN = ("id_0", "id_1", "id_2", "id_3", "id_6", "id_7", "id_9", "id_12")
+KEEP = ("id_4", "id_10", "id_14")
 
 HIDDEN = """\
 And a campaign with a hidden effect: CAN logs of a simulated 150 kW motor that differs from its motor file in \

@@ -167,7 +167,8 @@ def _change(gain: KeptGain) -> str:
     low, high = ends if word == "better" else (-ends[1], -ends[0])
     chance = ", which may be chance" if change == "unchanged" else ""
     at = " to ".join(words.signed(end).removeprefix("+") for end in (low, high))
-    return f"{abs(gain.mae_before_K - gain.mae_after_K):.1f} {word}{chance} ({at})"
+    change_K, _ = words.figures([abs(gain.mae_before_K - gain.mae_after_K), 0.0])
+    return f"{change_K} {word}{chance} ({at})"
 
 
 def _at(gain: KeptGain, of: Sequence[str], *more: str) -> str:
