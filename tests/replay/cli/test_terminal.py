@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import os
 import pty
+import select
 import struct
 import sys
 import termios
@@ -110,7 +111,10 @@ def test_progress_tells_pace_and_time_left_beside_its_count(monkeypatch: pytest.
             progress.tell(line)
         for line in ("event 1 of 2,000", "event 1,001 of 2,000"):
             progress.tell(line)
-        printed = os.read(reads, 2000).decode().split("\r\033[K")[1:]
+        text = b""
+        while select.select([reads], [], [], 0.2)[0]:  # a terminal hands on what is there, in parts
+            text += os.read(reads, 2000)
+        printed = text.decode().split("\r\033[K")[1:]
     assert printed == [
         "reading 1 of 12: a",
         "reading 2 of 12 (4.0 s each, 44 s left): b",
