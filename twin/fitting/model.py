@@ -226,16 +226,15 @@ class _March:
 
 def _through_temperatures(ran: CircuitRun, readings: Sequence[Readings], heats: Heats, total: int) -> list[Floats]:
     """Of each channel and meter (B, total): what its block means change by through the temperatures that it reads."""
-    march, strips = ran.march, [list[Floats]() for _ in readings]
+    march, starts = ran.march, len(heats.shares)
     sensors, steps = [one.sensor for one in readings], len(march.means)
     columns = sparse_march.MarchedColumns(march.program, march.storage, sensors, heats.loads, heats.begin, steps)
-    for strip in columns.through(march, heats.about(ran)):
-        for one, own, shown in zip(readings, strips, strip, strict=True):
-            own.append(one.moved(shown))
-    found = [np.zeros((len(own[0]), total)) for own in strips]
-    of_heat = len(heats.heated)
-    for moved, own in zip(found, strips, strict=True):
-        marched = np.hstack(own)
-        moved[:, heats.heated] = marched[:, :of_heat]
-        moved[:, heats.started] = marched[:, of_heat : of_heat + len(heats.shares)] @ heats.shares
-    return found
+    found = [np.zeros((len(one.sensing.measured[one.k]), total + starts)) for one in readings]
+    places = np.append(heats.heated, total + np.arange(starts))
+    for number, strip in enumerate(columns.through(march, heats.about(ran))):
+        own = places[number * strip.shape[2] :][: strip.shape[2]]
+        for one, moved, shown in zip(readings, found, strip, strict=True):
+            moved[:, own] = one.moved(shown)[:, : len(own)]
+    for moved in found:
+        moved[:, heats.started] = moved[:, total:] @ heats.shares
+    return [moved[:, :total] for moved in found]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from heapq import nlargest
 
@@ -22,8 +22,8 @@ from twin.fitting.model import Floats, Test
 from twin.motor.outputs import BLOCK_S
 from twin.planning.courses import MINUTES, REST_MIN, BenchRange, blocks, courses, cut, joined, rest
 from twin.planning.detectable import Prospect
-from twin.planning.gathered import Gathered, sensor_parameters
-from twin.planning.limits import Heated, heated
+from twin.planning.gathered import Gathered, Untried, sensor_parameters
+from twin.planning.limits import Heated, heated, watched
 from twin.planning.observed import observing
 
 Tell = Callable[[str], None]
@@ -147,69 +147,65 @@ def plan_day(found: Prospect, hours: float, only: Collection[str], tell: Tell) -
     if not steps:
         raise PlanError(f"no test of the menu tells anything new in {hours:g} h: give more hours, or more sensors")
     tell("running the whole day")
-    course, rest_min, hot = _within_limits(found, bench, steps)
-    test, known = bench.test(course), found.ground.known
-    (told,) = found.ground.would_tell(test, [len(course.speed)])
+    course, rest_min, untried, hot = _within_limits(found, bench, steps)
+    known = found.ground.known
+    (told,) = untried.would_tell([len(course.speed)])
     before, after = wanted.d(known), wanted.d(known + told)
     tell("weighing what else could be observed")
-    observing = _Observing(found, wanted, test, told)
+    observing = _Observing(found, wanted, bench.test(course), told)
     promise = Promise(
         before, after, Best.of(weighing.alone(), before), Best.of(observing.alone, after), observing.together
     )
-    return Day(steps, course, rest_min, hot, promise, observing.steps(), weighing.count, weighing.refused)
+    return Day(steps, course, rest_min, hot, promise, observing.steps(), weighing.count, tuple(weighing.refused))
 
 
 @dataclass(frozen=True)
 class _Weighed:
-    """A test at the length at which it tells most an hour: what it `gathered`, and d (m,) of the candidates with it
-    beside the recorded ones."""
+    """A test at that of its `lengths` at which it tells most an hour (`rate`): what it `gathered`, and d (m,) of the
+    candidates with it beside the recorded ones. `lengths`: how many cross no limit."""
 
     rate: float
     proposed: Proposed
     gathered: Gathered
     d: Floats
-
-
-@dataclass(frozen=True)
-class _Runnable:
-    """A course of the menu and the lengths [blocks] at which it crosses no limit and fits the day; `why_not` where a
-    limit leaves none."""
-
-    course: Proposed
-    lengths: tuple[int, ...]
-    why_not: str = ""
+    lengths: int
 
 
 class _Weighing:
-    """What each test of the menu tells an hour beside the recorded ones, at the length at which that is most."""
+    """What each test of the menu tells an hour beside the recorded ones, at the length at which that is most; the
+    longest fits the day, too."""
 
     def __init__(self, found: Prospect, wanted: Wanted, bench: BenchRange, hours: float) -> None:
         self.found, self.wanted, self.bench, self.hours = found, wanted, bench, hours
+        self.lengths = [n for n in map(blocks, MINUTES) if _hours(n) <= hours]
         self.known = found.ground.known
         self.told = wanted.told(self.known)
+        self.leading, self.count, self.refused = list[_Weighed](), 0, list[tuple[str, str]]()
+        menu = list(courses(bench))
         with ThreadPoolExecutor(2) as pool:
-            every = list(pool.map(self._runnable, courses(bench)))
-            self.refused = tuple((one.course.words, one.why_not) for one in every if one.why_not)
-            weighed = pool.map(self._weigh, (one for one in every if one.lengths))
-            self.leading = nlargest(LEADING, weighed, key=lambda one: one.rate)
-        self.count = sum(len(one.lengths) for one in every)
+            for course, one in zip(menu, pool.map(self._weigh, menu), strict=True):
+                if isinstance(one, str):
+                    self.refused.append((course.words, one))
+                else:
+                    self.count += one.lengths
+                    self.leading = nlargest(LEADING, [*self.leading, one], key=lambda one: one.rate)
 
-    def _runnable(self, course: Proposed) -> _Runnable:
-        hot = heated(self.found.ground, self.found.limits, self.bench.test(course))
+    def _weigh(self, course: Proposed) -> _Weighed | str:
+        """A course at the length at which it tells most an hour, one march for its limits and all lengths; or why it
+        can be run at none."""
+        untried = _untried(self.found, self.bench, cut(course, self.lengths[-1]))
+        hot = heated(self.found.limits, untried)
         if hot is None:
-            return _Runnable(course, (), "the model runs away")
+            return "the model runs away"
         over = hot.first_over()
-        lengths = [n for n in map(blocks, MINUTES) if over is None or n <= over[0]]
-        why_not = "" if lengths or over is None else _over(self.found, *over)
-        return _Runnable(course, tuple(n for n in lengths if _hours(n) <= self.hours), why_not)
-
-    def _weigh(self, one: _Runnable) -> _Weighed:
-        """A course at the length at which it tells most an hour; one run serves all lengths."""
-        told = self.found.ground.would_tell(self.bench.test(cut(one.course, one.lengths[-1])), one.lengths)
+        lengths = [n for n in self.lengths if over is None or n <= over[0]]
+        if over and not lengths:
+            return _over(self.found, *over)
+        told = untried.would_tell(lengths)
         ds = [self.wanted.d(self.known + more) for more in told]
-        rates = [(self.wanted.worth(d) - self.told) / _hours(n) for d, n in zip(ds, one.lengths, strict=True)]
+        rates = [(self.wanted.worth(d) - self.told) / _hours(n) for d, n in zip(ds, lengths, strict=True)]
         best = int(np.argmax(rates))
-        return _Weighed(rates[best], cut(one.course, one.lengths[best]), told[best], ds[best])
+        return _Weighed(rates[best], cut(course, lengths[best]), told[best], ds[best], len(lengths))
 
     def alone(self) -> Mapping[str, Floats]:
         """Each leading test in words -> d (m,) with it beside the recorded ones."""
@@ -250,15 +246,24 @@ def _why_none(refused: Sequence[tuple[str, str]]) -> str:
     )
 
 
-def _within_limits(found: Prospect, bench: BenchRange, steps: Sequence[DayStep]) -> tuple[Proposed, int, Heated]:
-    """The whole day with the shortest rests at which no limit is crossed."""
+def _untried(found: Prospect, bench: BenchRange, course: Proposed) -> Untried:
+    """A course, the limited nodes watched."""
+    return found.ground.untried(replace(bench.test(course), supposed=watched(found.limits.nodes, len(course.speed))))
+
+
+def _within_limits(
+    found: Prospect, bench: BenchRange, steps: Sequence[DayStep]
+) -> tuple[Proposed, int, Untried, Heated]:
+    """The whole day with the shortest rests at which no limit is crossed: its course, the rests [min], the course as a
+    test, and how hot that becomes."""
     why = ""
     for minutes in RESTS_MIN:
         course = joined([part for step in steps for part in (step.proposed, rest(minutes))])
-        hot = heated(found.ground, found.limits, bench.test(course))
+        untried = _untried(found, bench, course)
+        hot = heated(found.limits, untried)
         over = None if hot is None else hot.first_over()
         if hot is not None and over is None:
-            return course, minutes, hot
+            return course, minutes, untried, hot
         why = "the model runs away" if over is None else _over(found, *over)
     raise PlanError(
         f"{why} even with rests of {RESTS_MIN[-1]} min: fewer hours, colder coolant or a higher limit_degC "
@@ -274,7 +279,7 @@ class _Observing:
         more = observing(base.network, test, base.tests)
         self.wanted, self.known = wanted, found.ground.known + told
         self.nodes = {channel.name: channel.sensor.node for channel in more.channels}
-        self.left = found.ground.each_would_tell(more, sensor_parameters(base, more))
+        self.left = found.ground.untried(more, sensor_parameters(base, more)).each_would_tell()
         self.alone = {what: wanted.d(self.known + one) for what, one in self.left.items()}
         self.together = wanted.d(reduce(Gathered.__add__, self.left.values(), self.known))
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,50 +61,55 @@ class Ground:
         for number in range(len(model.tests)):
             own = [p for p, one in enumerate(model.parameters) if one.test == number and fit.free[p]]
             rows = [_white(model, part, [*shared, *own]) for part in parts if part.series.session == number]
-            size = len(shared) + len(own)
-            known += _without_own(_products(np.concatenate(rows), size), len(shared), model.sd[own], size)
+            products = _products(np.concatenate(rows), len(shared) + len(own))
+            known += _without_own(products, len(shared), model.sd[own])
         return cls(fit, tuple(candidates), np.array(shared, dtype=np.intp), known)
 
     @cached_property
-    def unsure(self) -> Floats:
-        """What the fit's tests leave unknown of the p shared parameters: a factor U (p, p) of their covariance U U'."""
-        lower = cholesky(self.known.gram, lower=True)
-        found: Floats = solve_triangular(lower, np.eye(len(lower)), lower=True).T
+    def lower(self) -> Floats:
+        """L (p, p), lower, of what the fit's tests and the priors say of the p shared parameters: L L' is their
+        precision."""
+        found: Floats = cholesky(self.known.gram, lower=True)
         return found
 
-    def model(self, test: Test, more: Sequence[Parameter] = ()) -> tuple[Model, Floats]:
-        """A new test with what it brings along and `more`, and the vector: the shared parameters as they are fitted."""
+    def untried(self, test: Test, more: Sequence[Parameter] = ()) -> Untried:
+        """A new test by the fit, with what it brings along and `more`."""
         base = self.fit.model
         brought = [*of_test(base.network, test, 0), *more]
         model = Model(base.network, [test], [*(base.parameters[p] for p in self.shared), *brought], base.noise)
-        return model, np.append(self.fit.beta[self.shared], np.zeros(len(brought)))
+        return Untried(self, model, np.append(self.fit.beta[self.shared], np.zeros(len(brought))))
 
-    def would_tell(self, test: Test, lengths: Sequence[int]) -> list[Gathered]:
-        """What the first so many blocks of a new test tell, lengths rising. What a longer test tells is that of the
-        shorter with more rows, as whitening looks back only."""
-        model, beta = self.model(test)
-        rows = [rows for _, rows in self._rows(model, beta)]
-        own_sd = model.sd[len(self.shared) :]
-        found, products = list[Gathered](), np.zeros((1, 1))
-        for first, last in pairwise([0, *lengths]):
-            products = products + _products(np.concatenate([r[first:last] for r in rows]), len(beta))
-            found.append(_without_own(products, len(self.shared), own_sd, len(beta)))
-        return found
 
-    def each_would_tell(self, test: Test, sensors: Sequence[Parameter]) -> dict[str, Gathered]:
-        """Channel -> what it alone tells in a new test; `sensors`: what channels may have wrong that no recorded test
-        has."""
-        model, beta = self.model(test, sensors)
-        own_sd = model.sd[len(self.shared) :]
-        return {
-            channel: _without_own(_products(rows, len(beta)), len(self.shared), own_sd, len(beta))
-            for channel, rows in self._rows(model, beta)
-        }
+@dataclass(frozen=True)
+class Untried:
+    """A new test: its `model` and the vector `beta` (P,), the shared parameters of the `ground` as they are fitted,
+    then the test's own. What these do to it is marched once, whatever is asked of it."""
 
-    def _rows(self, model: Model, beta: Floats) -> Iterator[tuple[str, Floats]]:
-        """Channel and its whitened columns (B, p + m)."""
-        for part in model.linearise(beta, self.candidates):
-            yield part.series.channel, _white(model, part, range(len(beta)))
+    ground: Ground
+    model: Model
+    beta: Floats
+
+    def would_tell(self, lengths: Sequence[int]) -> list[Gathered]:
+        """What its first so many blocks tell, lengths rising. What a longer test tells is that of the shorter with more
+        rows, as whitening looks back only."""
+        rows = [rows for _, rows in self._rows()]
+        more = (np.concatenate([r[first:last] for r in rows]) for first, last in pairwise([0, *lengths]))
+        products = accumulate((_products(one, len(self.beta)) for one in more), Gathered.__add__)
+        return [self._without_own(one) for one in products]
+
+    def each_would_tell(self) -> dict[str, Gathered]:
+        """Channel -> what it alone tells."""
+        return {channel: self._without_own(_products(rows, len(self.beta))) for channel, rows in self._rows()}
+
+    def _rows(self) -> Iterator[tuple[str, Floats]]:
+        """Each channel and meter and its whitened columns (B, P + m); supposed thermometers read nothing."""
+        for part in self.model.linearise(self.beta, self.ground.candidates):
+            if part.series.measured:
+                yield part.series.channel, _white(self.model, part, range(len(self.beta)))
+
+    def _without_own(self, products: Gathered) -> Gathered:
+        shared = len(self.ground.shared)
+        return _without_own(products, shared, self.model.sd[shared:])
 
 
 def sensor_parameters(model: Model, test: Test) -> list[Parameter]:
@@ -123,21 +128,20 @@ def _white(model: Model, part: Columns, wanted: Iterable[int]) -> Floats:
     return model.whitened(part.series, found)
 
 
-def _products(rows: Floats, size: int) -> Floats:
-    """Inner products (size + 1, size + m) of rows (B, size + m): of the first `size` columns with all, and in the last
-    row of each column with itself."""
-    of_parameters = rows[:, :size].T @ rows
-    return np.vstack([of_parameters, np.einsum("ij,ij->j", rows, rows)])
+def _products(rows: Floats, size: int) -> Gathered:
+    """Inner products of rows (B, size + m): of the first `size` columns, and of the m candidates behind them."""
+    parameters, candidates = rows[:, :size], rows[:, size:]
+    square = np.einsum("ij,ij->j", candidates, candidates)
+    return Gathered(parameters.T @ parameters, parameters.T @ candidates, square)
 
 
-def _without_own(products: Floats, shared: int, own_sd: Floats, size: int) -> Gathered:
+def _without_own(products: Gathered, shared: int, own_sd: Floats) -> Gathered:
     """What is gathered once the own parameters, behind the shared ones, are integrated out."""
-    own = products[shared:size, shared:size] + np.diag(1 / own_sd**2)
-    beside = np.hstack([products[shared:size, :shared], products[shared:size, size:]])
-    taken = solve_triangular(cholesky(own, lower=True), beside, lower=True)
-    of_shared, of_candidates = taken[:, :shared], taken[:, shared:]
+    lower = cholesky(products.gram[shared:, shared:] + np.diag(1 / own_sd**2), lower=True)
+    of_shared = solve_triangular(lower, products.gram[shared:, :shared], lower=True)
+    of_candidates = solve_triangular(lower, products.cross[shared:], lower=True)
     return Gathered(
-        products[:shared, :shared] - of_shared.T @ of_shared,
-        products[:shared, size:] - of_shared.T @ of_candidates,
-        products[-1, size:] - np.einsum("ij,ij->j", of_candidates, of_candidates),
+        products.gram[:shared, :shared] - of_shared.T @ of_shared,
+        products.cross[:shared] - of_shared.T @ of_candidates,
+        products.square - np.einsum("ij,ij->j", of_candidates, of_candidates),
     )

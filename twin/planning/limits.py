@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from twin.diagnosis.next_tests import read_throughout
 from twin.errors import DivergedError
-from twin.fitting.model import Floats, Model, Test
+from twin.fitting.model import Floats, Model
 from twin.fitting.recorded import RecordedChannel
 from twin.motor.network import Network
 from twin.motor.sensor import Sensor
-from twin.planning.gathered import Ground
+from twin.planning.gathered import Untried
 
 Z95 = 1.96
 HOTTER_K = 20.0  # than it ever was no node of a motor file without limits may become
@@ -60,23 +61,23 @@ class Heated:
         return block, int((self.high - self.limits.degC)[block].argmax())
 
 
-def heated(ground: Ground, limits: NodeLimits, test: Test) -> Heated | None:
-    """How hot the limited nodes become in a new test by the fitted model, and how sure that is by what its tests leave
-    unknown of it; None where the model runs away."""
-    model, beta = ground.model(replace(test, channels=watched(limits.nodes, len(test.frame.features)), meters=()))
+def heated(limits: NodeLimits, untried: Untried) -> Heated | None:
+    """How hot the limited nodes, `watched` as the supposed thermometers of a new test, become by the fitted model, and
+    how sure that is by what its tests leave unknown of it: to the end, or to the first block in which one is above its
+    limit without the band. None where the model runs away."""
     try:
-        parts = model.linearise(beta)
+        inside = [one for one in untried.model.linearise(untried.beta) if not one.series.measured]
     except DivergedError:
         return None
-    size = len(ground.shared)
-    sd, at = [], []
-    for part in parts:
-        columns = np.zeros((len(part.series.y), len(beta)))
-        columns[:, part.at] = part.columns
-        unsure = np.hstack([columns[:, :size] @ ground.unsure, columns[:, size:] * model.sd[size:]])
-        sd.append(np.sqrt(np.einsum("ij,ij->i", unsure, unsure)))
-        at.append(-part.series.y)
-    return Heated(limits, np.column_stack(at), np.column_stack(sd))
+    degC = np.column_stack([-one.series.y for one in inside])
+    over = (degC > limits.degC).any(axis=1)
+    blocks = int(over.argmax()) + 1 if over.any() else len(degC)
+    columns = np.concatenate([one.columns[:blocks] for one in inside])
+    size = len(untried.ground.shared)
+    shared = solve_triangular(untried.ground.lower, columns[:, :size].T, lower=True)
+    own = columns[:, size:] * untried.model.sd[size:]
+    variance = np.einsum("ij,ij->j", shared, shared) + np.einsum("ij,ij->i", own, own)
+    return Heated(limits, degC[:blocks], np.sqrt(variance).reshape(len(inside), blocks).T)
 
 
 def watched(nodes: Sequence[str], length: int) -> tuple[RecordedChannel, ...]:

@@ -16,6 +16,7 @@ from twin.planning import courses as planned_courses
 from twin.planning.chain import Day, DayStep, Wanted, plan_day
 from twin.planning.courses import BenchRange, blocks, courses, cut
 from twin.planning.detectable import Prospect
+from twin.planning.limits import heated
 
 HOURS = 2.0
 WANTED = "loss.magnet.speed3"
@@ -68,7 +69,7 @@ def test_what_each_step_adds_adds_up_and_first_comes_what_adds_most_an_hour(foun
     bench, known = BenchRange.of(base.network, base.tests), found.ground.known
     before = wanted.told(known)
     for step in day.steps:
-        (told,) = found.ground.would_tell(bench.test(step.proposed), [len(step.proposed.speed)])
+        (told,) = found.ground.untried(bench.test(step.proposed)).would_tell([len(step.proposed.speed)])
         known += told
     assert sum(step.gain_nat for step in day.steps) == pytest.approx(wanted.told(known) - before, rel=1e-6)
     rates = [step.gain_nat / step.hours for step in day.steps]
@@ -102,7 +103,7 @@ def test_all_observations_together_show_no_less_than_the_best_of_them(day: Day) 
 def test_a_day_for_one_cause_begins_with_what_tells_most_of_it(found: Prospect, day: Day) -> None:
     own, wanted, base = plan_day(found, HOURS, [WANTED], _quiet), Wanted.of(found, [WANTED]), found.ground.fit.model
     test = BenchRange.of(base.network, base.tests).test(day.steps[0].proposed)
-    (told,) = found.ground.would_tell(test, [len(day.steps[0].proposed.speed)])
+    (told,) = found.ground.untried(test).would_tell([len(day.steps[0].proposed.speed)])
     of_the_other = wanted.told(found.ground.known + told) - wanted.told(found.ground.known)
     assert own.steps[0].gain_nat / own.steps[0].hours >= of_the_other / day.steps[0].hours
     assert own.steps[0].proposed.words != day.steps[0].proposed.words
@@ -127,6 +128,27 @@ def test_a_cause_that_is_none_is_refused(found: Prospect) -> None:
         plan_day(found, HOURS, ["loss.magnet.speed9"], _quiet)
 
 
+def test_a_test_is_looked_at_until_it_is_above_its_limit_and_its_band_is_what_is_unknown(found: Prospect) -> None:
+    base = found.ground.fit.model
+    bench = BenchRange.of(base.network, base.tests)
+    hottest = max((one for one in courses(bench) if one.words.startswith("S1")), key=lambda one: one.load.max())
+    untried = chain._untried(found, bench, hottest)
+    whole = heated(_at(500.0)(found).limits, untried)
+    assert whole is not None
+    limits = _at(float(whole.degC.mean()))(found).limits
+    until = heated(limits, untried)
+    assert until is not None
+    assert len(until.high) < len(whole.high) == len(hottest.speed)
+    np.testing.assert_array_equal(until.degC, whole.degC[: len(until.degC)])
+    assert until.first_over() == replace(whole, limits=limits).first_over()
+    (inside,) = (one for one in untried.model.linearise(untried.beta) if not one.series.measured)
+    unknown = np.diag(untried.model.sd**2)
+    known = len(found.ground.shared)
+    unknown[:known, :known] = np.linalg.inv(found.ground.known.gram)
+    expected = np.sqrt(np.diag(inside.columns @ unknown @ inside.columns.T))
+    np.testing.assert_allclose(whole.sd_K[:, 0], expected, rtol=1e-6)
+
+
 def test_rests_grow_until_the_whole_day_stays_below_its_limits(
     found: Prospect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -136,7 +158,7 @@ def test_rests_grow_until_the_whole_day_stays_below_its_limits(
     hot_test = next(one for one in courses(bench) if one.words.startswith("S1") and one.load.max() == bench.loads.max())
     steps = [DayStep(cut(hot_test, blocks(15)), 0.0, 0.0)] * 2
     monkeypatch.setattr(chain, "RESTS_MIN", (1,))
-    hot = chain._within_limits(_at(500.0)(found), bench, steps)[2].high.max()
+    hot = chain._within_limits(_at(500.0)(found), bench, steps)[3].high.max()
     monkeypatch.setattr(chain, "RESTS_MIN", (1, 120))
     cool = chain._within_limits(_at(hot - 1e-6)(found), bench, steps)
     assert cool[1] == 120

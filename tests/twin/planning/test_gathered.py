@@ -24,7 +24,7 @@ def test_a_test_added_tells_as_much_as_both_tests_diagnosed_together(found: Pros
     both = Model(base.network, (*base.tests, test), parameters, base.noise)
     beta = np.append(fit.beta, np.zeros(len(parameters) - len(fit.beta)))
     projector, v, _ = stacked(replace(fit, model=both, beta=beta), both.linearise(beta, ground.candidates))
-    (told,) = ground.would_tell(test, LENGTHS[-1:])
+    (told,) = ground.untried(test).would_tell(LENGTHS[-1:])
     expected = np.diag(projector.inner(v, v))
     np.testing.assert_allclose((ground.known + told).information(), expected, rtol=1e-6, atol=1e-9 * expected.max())
     assert (expected >= ground.known.information() * (1 - 1e-9)).all()
@@ -34,7 +34,7 @@ def test_a_length_tells_what_the_test_cut_there_tells(found: Prospect) -> None:
     bench = BenchRange.of(found.ground.fit.model.network, found.ground.fit.model.tests)
     course = next(c for c in courses(bench) if c.words.startswith("S2"))
     whole = bench.test(cut(course, LENGTHS[-1]))
-    shorter, longer = found.ground.would_tell(whole, LENGTHS)
+    shorter, longer = found.ground.untried(whole).would_tell(LENGTHS)
     short = replace(
         whole,
         frame=replace(
@@ -47,7 +47,7 @@ def test_a_length_tells_what_the_test_cut_there_tells(found: Prospect) -> None:
             for c in whole.channels
         ),
     )
-    (alone,) = found.ground.would_tell(short, LENGTHS[:1])
+    (alone,) = found.ground.untried(short).would_tell(LENGTHS[:1])
     np.testing.assert_allclose(shorter.cross, alone.cross, rtol=1e-6, atol=1e-6 * np.abs(alone.cross).max())
     np.testing.assert_allclose(shorter.square, alone.square, rtol=1e-6, atol=1e-9 * alone.square.max())
     assert (longer.square >= shorter.square * (1 - 1e-9)).all()

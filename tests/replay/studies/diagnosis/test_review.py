@@ -48,6 +48,14 @@ def test_a_change_is_a_page_with_every_number_down_to_its_records(
     assert point["residual_K"] == pytest.approx(one["before_K"], abs=1e-9)
     assert (point["steps"], point["first"], point["last"]) == (one["steps"], one["first"], one["last"])
 
+    assert main(["retract", fleet.diagnosis, "--reason", "the sensor had moved", *store, "--json", str(target)]) == 0
+    gone = json.loads(target.read_text(encoding="utf-8"))
+    built_on = {"replay of b_1", "replay of b_2"}
+    assert {one["name"] for one in gone["stale"]} == built_on, "the 2 replays that the page named"
+    said = capsys.readouterr().out
+    assert "Reason            the sensor had moved" in said
+    assert f"Stale             replay of b_1: {gone['stale'][0]['why']}" in said
+
 
 def test_a_diagnosis_that_changes_nothing_has_nothing_to_sign(fleet: Fleet, tmp_path: Path, capsys: Capture) -> None:
     shutil.copytree(fleet.store, tmp_path / "store")
