@@ -1,4 +1,4 @@
-"""A store with its files in a bucket answers as one with them in its folder."""
+"""A store answers the same with its files in a bucket or in its folder, and whichever log came first."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def bucket() -> Iterator[BucketServer]:
 
 @pytest.fixture(scope="module")
 def stores(tmp_path_factory: pytest.TempPathFactory, bucket: BucketServer) -> dict[str, Path]:
-    """The same two sessions twice: files in the folder, and in the bucket."""
+    """The same two sessions twice: files in the folder, and in the bucket. The logs lie beside the stores."""
     folder = tmp_path_factory.mktemp("bench")
     can_bench.write_files(folder)
     logs = [str(folder / f"{i}.blf") for i in (0, 1)]
@@ -60,6 +60,12 @@ def digests(store: Path) -> dict[str, str]:
     return runs | {one.diagnosis: one.artefact for one in done if isinstance(one, DiagnosisCompleted)}
 
 
+def products(store: Path) -> dict[str, dict[str, str]]:
+    """SHA-256 of each file that was decoded, by the ids of the decodes."""
+    with Store.open(store) as opened:
+        return {one.decode: one.products for one in facts.at(opened.ledger).decodes.values()}
+
+
 def both(stores: dict[str, Path], capsys: Capture, *words: str) -> tuple[Any, Any]:
     """What a command answers of the one and the other, as JSON without what names the store."""
     found = []
@@ -80,6 +86,19 @@ def test_files_and_digests_of_runs_and_a_diagnosis_are_equal(stores: dict[str, P
     files = {str(path.relative_to(stores["here"])) for path in lying}
     assert {name.removeprefix("store/") for name in bucket.names()} == {*files, "whyhot.json"}
     assert not [*stores["there"].glob("*/*/*")]
+
+
+def test_logs_taken_in_and_replayed_in_another_order_give_equal_samples_runs_and_diagnoses(
+    stores: dict[str, Path], tmp_path: Path
+) -> None:
+    folder, store = stores["here"].parent, ["--store", str(tmp_path / "store")]
+    setup = ["--bench", str(folder / "bench.toml"), "--dbc", str(folder / "bench.dbc")]
+    for log in ("1.blf", "0.blf"):
+        assert main(["ingest", str(folder / log), *setup, *store]) == 0
+    for words in (["replay", "1", "0"], ["diagnose", "--on", "0", "1"]):
+        assert main([*words, *store]) == 0
+    assert digests(tmp_path / "store") == digests(stores["here"])
+    assert products(tmp_path / "store") == products(stores["here"])
 
 
 @pytest.mark.parametrize(
