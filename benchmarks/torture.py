@@ -79,18 +79,19 @@ def _row(attack: Attack, share: float, bench: Path, seed: int) -> dict[str, Any]
     began = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="torture", dir=MEMORY) as place:
         folder = Path(place).resolve()
-        arena = Arena(folder / "work", bench, attack.tries(share), seed)
+        arena = Arena(folder / "work", bench, attack.tries(share), f"{attack.id}, seed {seed}")
         arena.folder.mkdir()
         try:
             outcome = Outcome(**result_of(lambda: asdict(attack.run(arena)), folder))
         except RuntimeError as error:
             outcome = Outcome(0, [str(error)])
     seconds = time.monotonic() - began
-    percent = 100.0 * outcome.tried / attack.whole
+    whole = outcome.whole or attack.whole
+    percent = 100.0 * outcome.tried / whole
     print(f"{attack.id:4} {attack.name:40} {outcome.tried:7,} {len(outcome.failed):7,} {percent:6.3g} % {seconds:6.1f}")
     _say(outcome.failed)
-    what = {"id": attack.id, "name": attack.name, "must": attack.must, "whole": attack.whole}
-    return {**what, **asdict(outcome), "seconds": round(seconds, 1)}
+    what = {"id": attack.id, "name": attack.name, "must": attack.must}
+    return {**what, **asdict(outcome), "whole": whole, "seconds": round(seconds, 1)}
 
 
 def _say(failed: Sequence[str]) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import builtins
+import io
 import json
 import os
 import pkgutil
@@ -17,19 +19,25 @@ from pathlib import Path
 from typing import Any
 
 from ingest.facts.ledger_place import SqliteFile
+from ingest.texts import units
 from made.places import ROOT
 from replay.cli import main
 
 KILLED = -signal.SIGKILL
-CALLS = ("write", "fsync", "replace", "mkdir", "unlink", "rmdir")  # of `os`: each changes a disk
+CHANGES = (  # of a disk: calls of `os`, and what the ledger's database does in one transaction
+    *((os, name) for name in ("write", "fsync", "replace", "mkdir", "unlink", "rmdir")),
+    *((SqliteFile, name) for name in ("insert", "disconnect")),
+)
 
 
 def import_all() -> None:
-    """Import all of ours and what it stands on, so that no child has to. Nothing runs: a child inherits no threads."""
+    """Import all of ours and what it stands on, and read the table of units, so that no child has to. Nothing else
+    runs: a child inherits no threads."""
     for package in ("ingest", "twin", "analytics", "replay"):
         for module in pkgutil.walk_packages([str(ROOT / package)], f"{package}."):
             with suppress(ImportError):  # of an extra that is not installed
                 import_module(module.name)
+    units.factor("rpm", "rad/s")
 
 
 def started(work: Callable[[], object], said: Path | None = None) -> int:
@@ -118,26 +126,59 @@ def killed_within(pid: int, seconds: float, by: int = signal.SIGKILL) -> int:
     return ended(pid)
 
 
-def at_change(number: int, act: Callable[[str], object], on: bool = False) -> None:
-    """In this process: `act` before the change of a disk of this number (from 0), with `on` before each later one too.
+Act = Callable[[str], object]  # given the name of a call
 
-    Changes are calls of `os` and whatever the ledger's database does in one transaction.
-    """
+
+def _counted(number: int, act: Act, on: bool) -> Act:
+    """`act` before the call of this number (from 0), with `on` before each later one too."""
     left = [number]
 
-    def watched(name: str, true: Callable[..., Any]) -> Callable[..., Any]:
-        def step(*args: Any, **named: Any) -> Any:
-            left[0] -= 1
-            if left[0] == -1 or (on and left[0] < -1):
-                act(name)
-            return true(*args, **named)
+    def step(name: str) -> None:
+        left[0] -= 1
+        if left[0] == -1 or (on and left[0] < -1):
+            act(name)
 
-        return step
+    return step
 
-    for name in CALLS:
-        setattr(os, name, watched(name, getattr(os, name)))
-    for name in ("insert", "disconnect"):
-        setattr(SqliteFile, name, watched(name, getattr(SqliteFile, name)))
+
+def _watched(name: str, true: Callable[..., Any], step: Act) -> Callable[..., Any]:
+    def call(*args: Any, **named: Any) -> Any:
+        step(name)
+        return true(*args, **named)
+
+    return call
+
+
+def at_change(number: int, act: Act, on: bool = False) -> None:
+    """In this process: `act` before the change of a disk of this number (from 0), with `on` before each later one."""
+    step = _counted(number, act, on)
+    for owner, name in CHANGES:
+        setattr(owner, name, _watched(name, getattr(owner, name), step))
+
+
+def at_read(number: int, act: Act, on: bool = False) -> None:
+    """The same before a file is opened, to be read or written, and before something is read of it."""
+    step, true = _counted(number, act, on), io.open
+
+    class Watched(io.FileIO):
+        def readinto(self, *into: Any) -> int | None:
+            step("read")
+            return super().readinto(*into)
+
+        def readall(self) -> bytes:
+            step("read")
+            return super().readall()
+
+    def opened(file: Any, mode: str = "r", buffering: int = -1, *text: Any, **named: Any) -> Any:
+        step("open")
+        if set(mode) - set("rbt") or buffering == 0:
+            return true(file, mode, buffering, *text, **named)
+        ends = {key: named.pop(key) for key in ("closefd", "opener") if key in named}
+        data = io.BufferedReader(Watched(file, **ends))
+        return data if "b" in mode else io.TextIOWrapper(data, *text, **named)
+
+    vars(io)["open"] = vars(builtins)["open"] = opened
+    vars(os)["open"] = _watched("open", os.open, step)
 
 
 def die(_: str) -> None:

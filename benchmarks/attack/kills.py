@@ -7,9 +7,10 @@ was not stopped leaves.
 from __future__ import annotations
 
 import json
+import re
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,26 +25,31 @@ STORES = ("store", "copy", "new")
 
 @dataclass(frozen=True)
 class Whole:
-    """A command that nothing stops: the head of its store before, what its folder's stores say after it, how long it
-    takes, and how many changes of a disk it makes."""
+    """A command that nothing stops: its words, the folder that it starts from (`ready`) and the head of its store, what
+    that folder's stores say after it, how long it takes, how many changes of a disk it makes, and how often it opens a
+    file or reads of one."""
 
     verb: str
-    bench: Path
+    words: Sequence[str]
+    ready: Path
     head: Head
     means: dict[str, list[str]]
     seconds: float
     changes: int
+    reads: int
 
     def fresh(self, folder: Path) -> Verb:
         """The same command in a new folder."""
-        return Verb(subjects.WRITING[self.verb], subjects.copied(self.bench, folder / self.verb))
+        return Verb(self.words, subjects.copied(self.ready, folder / self.verb))
 
-    def wrong(self, stopped: Verb, how: str) -> str:
-        """What is wrong after the command was stopped, and after the same again; empty where nothing is."""
+    def wrong(self, stopped: Verb, how: str, named: str = "") -> str:
+        """What is wrong after the command was stopped, but for sealed files that it `named` itself, and after the same
+        again; empty where nothing is."""
         for store in STORES:
             since = self.head if store == "store" else None
-            if found := subjects.damages(stopped.folder / store, since):
-                return f"{how}: {store}: {found[0]}"
+            for line in subjects.damages(stopped.folder / store, since):
+                if not any(sha256 in named for sha256 in re.findall("[0-9a-f]{64}", line)):
+                    return f"{how}: {store}: {line}"
         code, said = stopped.ended()
         means = _means(stopped.folder)
         if means != self.means:
@@ -54,23 +60,36 @@ class Whole:
 
 
 def wholes(arena: Arena) -> list[Whole]:
-    """Each verb that writes, done once, by whichever attack asks first. Raises RuntimeError where one fails."""
-    kept, head = arena.bench.with_name("wholes.json"), subjects.head(arena.bench / "store")
+    """So many of the verbs that write as there are tries, drawn, or all. Raises RuntimeError where one fails."""
+    verbs = arena.verbs or [*subjects.WRITING]
+    return [_whole(arena, verb) for verb in arena.chance.sample(verbs, min(arena.tries, len(verbs)))]
+
+
+def _whole(arena: Arena, verb: str) -> Whole:
+    """Done by whichever attack asks first."""
+    ready, kept = (arena.bench.with_name(name) for name in (verb, f"{verb}.json"))
     if not kept.exists():
-        kept.write_text(json.dumps([_whole(arena, verb) for verb in subjects.WRITING]))
-    return [Whole(bench=arena.bench, head=head, **one) for one in json.loads(kept.read_text())]
+        kept.write_text(json.dumps(_once(arena, verb, ready)))
+    return Whole(verb=verb, ready=ready, head=subjects.head(ready / "store"), **json.loads(kept.read_text()))
 
 
-def _whole(arena: Arena, verb: str) -> dict[str, Any]:
-    once = Verb(subjects.WRITING[verb], subjects.copied(arena.bench, arena.folder / "once"))
-    changes = arena.folder / "changes.txt"
-    with changes.open("wb", buffering=0) as counter:
+def _once(arena: Arena, verb: str, ready: Path) -> dict[str, Any]:
+    words = subjects.WRITING[verb].prepared(subjects.copied(arena.bench, ready)).words
+    once, calls = Verb(words, subjects.copied(ready, arena.folder / "once")), arena.folder / "calls.txt"
+    with calls.open("wb", buffering=0) as file:
+
+        def count() -> None:
+            children.at_change(0, lambda name: file.write(b"c"), on=True)
+            children.at_read(0, lambda name: file.write(b"r"), on=True)
+
         began = time.monotonic()
-        code, said = once.ended(lambda: children.at_change(0, lambda name: counter.write(b"."), on=True))
+        code, said = once.ended(count)
+        seconds = time.monotonic() - began
     if code:
         raise RuntimeError(f"{verb}: {code}: {said}")
-    seconds = time.monotonic() - began
-    return {"verb": verb, "means": _means(once.folder), "seconds": seconds, "changes": changes.stat().st_size}
+    made = calls.read_bytes()
+    counts = {"changes": made.count(b"c"), "reads": made.count(b"r")}
+    return {"words": words, "means": _means(once.folder), "seconds": seconds, **counts}
 
 
 def _means(folder: Path) -> dict[str, list[str]]:
@@ -92,18 +111,17 @@ def at_random(arena: Arena) -> Outcome:
 
 
 def at_each_change(arena: Arena) -> Outcome:
-    """T2: all of them where `tries` allows, else the same share of each verb."""
-    outcome, points = Outcome(), []
-    for whole in wholes(arena):
-        points.append(f"{whole.verb} {whole.changes}")
-        step = max(1, len(subjects.WRITING) * whole.changes // arena.tries)
-        for number in range(arena.chance.randrange(step), whole.changes, step):
-            verb = whole.fresh(arena.folder)
-            code, said = verb.ended(_dies_at(number))
-            how = f"{whole.verb} killed before change {number}"
-            lost = [] if code == children.KILLED else [f"{how}: it ended with {code}: {said[-200:]}"]
-            outcome.count(*lost, *filter(None, [whole.wrong(verb, how)]))
-    outcome.note = f"changes of a disk: {', '.join(points)}"
+    """T2: all of them where `tries` allows."""
+    subject = wholes(arena)
+    points = [(whole, number) for whole in subject for number in range(whole.changes)]
+    outcome = Outcome(whole=len(points) * len(subjects.WRITING) // len(subject))
+    for whole, number in arena.chance.sample(points, min(arena.tries, len(points))):
+        verb = whole.fresh(arena.folder)
+        code, said = verb.ended(_dies_at(number))
+        how = f"{whole.verb} killed before change {number}"
+        lost = [] if code == children.KILLED else [f"{how}: it ended with {code}: {said[-200:]}"]
+        outcome.count(*lost, *filter(None, [whole.wrong(verb, how)]))
+    outcome.note = f"changes of a disk: {', '.join(f'{whole.verb} {whole.changes}' for whole in subject)}"
     return outcome
 
 
@@ -130,7 +148,7 @@ def interrupted(arena: Arena) -> Outcome:
 
 
 ATTACKS = (
-    Attack("T1", "kill -9 at a random time", "nothing lost; the same command finishes it", 2000, 2, at_random),
-    Attack("T2", "kill -9 before a change of a disk", "as T1", 4000, 8, at_each_change),
-    Attack("T18", "Ctrl-C", "exit code 130, no traceback, the same command finishes it", 200, 2, interrupted),
+    Attack("T1", "kill -9 at a random time", "nothing lost; the same command finishes it", 2000, 1, at_random),
+    Attack("T2", "kill -9 before a change of a disk", "as T1", 600, 1, at_each_change),
+    Attack("T18", "Ctrl-C", "exit code 130, no traceback, the same command finishes it", 200, 1, interrupted),
 )

@@ -47,5 +47,5 @@ def _held() -> tuple[int, int]:
 
 
 ATTACKS = (
-    Attack("T23", "ingests in one process", "open files constant, memory grows by less than 5 %", 1000, 10, ingests),
+    Attack("T23", "ingests in one process", "open files constant, memory grows by less than 5 %", 1000, 5, ingests),
 )

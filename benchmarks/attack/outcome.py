@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import ceil
 from pathlib import Path
@@ -11,11 +11,13 @@ from pathlib import Path
 
 @dataclass
 class Outcome:
-    """`tried`: how many; `failed`: a line for each that did not end as it must; `note`: what else one should know."""
+    """`tried`: how many; `failed`: a line for each that did not end as it must; `note`: what else one should know;
+    `whole`: how many tries the full table has, where only the attack itself can count them."""
 
     tried: int = 0
     failed: list[str] = field(default_factory=list)
     note: str = ""
+    whole: int | None = None
 
     def count(self, *failures: str) -> None:
         """One more try, with what was wrong."""
@@ -26,12 +28,13 @@ class Outcome:
 @dataclass(frozen=True)
 class Arena:
     """Where an attack runs: an empty `folder`; `bench`, a folder as `subjects.make_bench` leaves it, to be copied; how
-    many `tries` are wanted, and what to draw them from."""
+    many `tries` are wanted, and what to draw them from; `verbs`: of those that write, where not all are attacked."""
 
     folder: Path
     bench: Path
     tries: int
-    seed: int
+    seed: str
+    verbs: Sequence[str] = ()
 
     @property
     def chance(self) -> random.Random:
@@ -41,7 +44,8 @@ class Arena:
 
 @dataclass(frozen=True)
 class Attack:
-    """`whole`: how many tries the full table has, `least`: how many the smallest."""
+    """`whole`: how many tries the full table has (about, where the attack counts them itself), `least`: how many the
+    smallest."""
 
     id: str
     name: str

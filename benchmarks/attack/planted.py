@@ -10,7 +10,7 @@ import hashlib
 import json
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib import import_module
@@ -24,21 +24,25 @@ from benchmarks.attack.outcome import Arena, Attack, Outcome
 from ingest.facts import archive, backup, ledger, ledger_audit, ledger_row, store, store_check
 from ingest.facts.archive import Archive
 from ingest.facts.chain import Head
+from ingest.facts.events import LogForgotten
 from ingest.facts.ledger import Ledger
 from ingest.facts.ledger_history import LedgerHistory
 from ingest.facts.store import Store
 from ingest.formats import Rejections
+from ingest.intake import retractions
 from made.places import on_disk
 
 
 @dataclass(frozen=True)
 class Fault:
-    """`plant`: put it into this process; `caught_by`: the attack that must fail then, with so many tries."""
+    """`plant`: put it into this process; `caught_by`: the attack that must fail then, within so many tries; `verbs`:
+    those that it attacks, where it attacks verbs that write."""
 
     says: str
     plant: Callable[[], None]
     caught_by: Callable[[Arena], Outcome]
     tries: int
+    verbs: Sequence[str] = ()
 
 
 def _set(owner: Any, name: str, value: Any) -> Callable[[], None]:
@@ -88,6 +92,22 @@ def _events_first(source: Store, target: Store, read: bool, tell: Any) -> Any:
 _TRUE_COPY = backup._copy
 
 
+def _bytes_first(store: Store, facts: Any, named: Any, batch: Any) -> Any:
+    for _, event in batch:
+        if isinstance(event, LogForgotten):
+            on_disk(store.archive.path(event.raw)).unlink()
+    return _TRUE_GROUPED(store, facts, named, batch)
+
+
+_TRUE_GROUPED = retractions._grouped
+
+
+def _to_the_fault(path: Path) -> Iterator[bytes]:
+    """What could be read of a file, and no word of the rest."""
+    with suppress(OSError):
+        yield path.read_bytes()
+
+
 def _publish_in_place(self: Store, made: Path, decode: str) -> Path:
     target = on_disk(self.decoded(decode))
     shutil.rmtree(target, ignore_errors=True)
@@ -130,6 +150,7 @@ def _traceback() -> None:
     import_module("replay.cli.refusal").ROOTS = ()  # type: ignore[attr-defined]
 
 
+BACKUPS, FORGET, ATTACH, REPLAY = ("backup", "restore"), ("forget",), ("attach",), ("replay",)
 FAULTS = (
     Fault("verify does not read sealed files", _set(store_check, "_check_sealed", _nothing), flips.bits, 200),
     Fault("verify does not read decoded files", _set(store_check, "_check_products", _nothing), flips.bits, 200),
@@ -148,10 +169,16 @@ FAULTS = (
     Fault("bytes are sealed in place", _set(Archive, "seal", _seal_in_place), unsynced.power_cuts, 400),
     Fault("products are published in place", _set(Store, "publish", _publish_in_place), unsynced.power_cuts, 400),
     Fault("a backup copies events first", _set(backup, "_copy", _events_first), unsynced.power_cuts, 400),
-    Fault("a backup copies events first, killed", _set(backup, "_copy", _events_first), kills.at_each_change, 400),
-    Fault("a full disk is not noticed", _set(archive, "write_file", _short_file), faults.full_disk, 80),
+    Fault(
+        "a backup copies events first, killed", _set(backup, "_copy", _events_first), kills.at_each_change, 99, BACKUPS
+    ),
+    Fault(
+        "a log is forgotten bytes first", _set(retractions, "_grouped", _bytes_first), kills.at_each_change, 99, FORGET
+    ),
+    Fault("a full disk is not noticed", _set(archive, "write_file", _short_file), faults.full_disk, 60, REPLAY),
+    Fault("what cannot be read is left out", _set(archive, "_chunks", _to_the_fault), faults.io_errors, 300, ATTACH),
     Fault("writers do not wait for each other", _set(ledger, "WriterLock", _NoLock), together.writers, 80),
-    Fault("our own errors are tracebacks", _traceback, faults.io_errors, 48),
+    Fault("our own errors are tracebacks", _traceback, faults.io_errors, 20, ATTACH),
     Fault("rejected records are not counted", _forgets, logs.fuzz, 160),
     Fault("a writer leaves its events without a seal", _set(Ledger, "seal", _nothing), tampering.tampered, 75),
 )
@@ -161,9 +188,8 @@ def planted(arena: Arena) -> Outcome:
     """T10."""
     outcome, missed = Outcome(), []
     chosen = FAULTS if arena.tries >= len(FAULTS) else arena.chance.sample(FAULTS, arena.tries)
-    kills.wholes(replace(arena, folder=_empty(arena)))  # before anything is planted
     for fault in chosen:
-        found = _found(fault, replace(arena, folder=_empty(arena), tries=fault.tries))
+        found = _found(fault, replace(arena, folder=_empty(arena), tries=fault.tries, verbs=fault.verbs))
         missed += [fault.says] * (not found)
         outcome.count(*[f"not caught: {fault.says}"] * (not found))
     outcome.note = f"{outcome.tried - len(missed)} of {outcome.tried} caught"
@@ -177,11 +203,22 @@ def _empty(arena: Arena) -> Path:
     return folder
 
 
+def _until_it_fails(self: Outcome, *failures: str) -> None:
+    """One more try; the first that fails is enough, and ends the attack. Raises RuntimeError with it."""
+    if failures:
+        raise RuntimeError(failures[0])
+    self.tried += 1
+
+
 def _found(fault: Fault, arena: Arena) -> bool:
     """Whether the attack fails with the fault planted; an attack that breaks down on it has noticed, too."""
 
+    if fault.verbs:
+        kills.wholes(arena)  # before it is planted
+
     def attacked() -> int:
         fault.plant()
+        Outcome.count = _until_it_fails  # type: ignore[method-assign]
         return len(fault.caught_by(arena).failed)
 
     try:

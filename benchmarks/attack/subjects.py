@@ -1,10 +1,11 @@
-"""What is attacked: a store of a few events, and a test bench's with two logs and a replay."""
+"""What is attacked: a store of a few events, a test bench's with two logs and a replay, and the verbs that write."""
 
 from __future__ import annotations
 
 import hashlib
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.attack.children import Verb
@@ -13,20 +14,98 @@ from ingest.facts.chain import Head
 from ingest.facts.events import RawFileSealed
 from ingest.facts.store import Store
 from ingest.facts.store_check import check
-from made import can_bench
-from made.events import decode
+from ingest.log import decode
+from made import can_bench, events
 
 INGEST = ("ingest", "--bench", "bench.toml", "--dbc", "bench.dbc")
-WRITING = {  # verb -> its words, in a folder of `bench`
-    "ingest": (*INGEST, "3_s2.csv"),
-    "replay": ("replay", "2_drive"),
-    "retract": ("retract", "1_s1", "--reason", "the wrong motor"),
-    "forget": ("forget", "1_s1.blf", "--reason", "the contract ended"),
-    "correct": ("correct", "1_s1", "--specimen", "servo-02", "--reason", "misread"),
-    "attach": ("attach", "motor.toml", "--specimen", "servo-01", "--finding", "crack"),
-    "rebuild": ("rebuild",),
-    "backup": ("backup", "copy"),
-    "restore": ("restore", "copy", "--store", "new"),
+CALIBRATE = ("calibrate", "--on", "1_s1", "2_drive")
+DIAGNOSE = ("diagnose", "--on", "4_learn", "--hold-out", "5_kept")
+DIAGNOSIS = "DIAGNOSIS"  # among a verb's words: the id of the only diagnosis in the store
+CHECKS = """\
+schema = "whyhot.bench/1"
+specimen_column = "specimen"
+batch_column = "batch"
+kind = "dc_check"
+[[channel]]
+signal = "dose_h"
+quantity = "dose"
+unit = "h"
+[[channel]]
+signal = "R_th"
+quantity = "thermal_resistance"
+unit = "K/W"
+"""
+
+
+@dataclass(frozen=True)
+class Writing:
+    """A verb that writes: its words, in a folder of `bench` to whose store `before` was done."""
+
+    words: Sequence[str]
+    before: Callable[[Path], object] = lambda folder: None
+
+    def prepared(self, folder: Path) -> Verb:
+        """The verb in that folder, after `before`. Raises RuntimeError where a command fails."""
+        self.before(folder)
+        return Verb([_diagnosis(folder) if word == DIAGNOSIS else word for word in self.words], folder)
+
+
+def _diagnosis(folder: Path) -> str:
+    with Store.open(folder / "store") as store:
+        (name,) = facts.at(store.ledger).diagnoses
+    return name
+
+
+def _done(folder: Path, *commands: Sequence[str], before: Callable[[], object] = lambda: None) -> None:
+    """Commands in a folder. Raises RuntimeError where one fails."""
+    for words in commands:
+        code, said = Verb(words, folder).ended(before)
+        if code:
+            raise RuntimeError(f"{' '.join(words)}: {code}: {said}")
+
+
+def _exchanged(folder: Path, *more: Sequence[str]) -> None:
+    """Two sessions long enough for a diagnosis, whose sensors at yoke and magnet are exchanged."""
+    for name, seed in (("4_learn.csv", 3), ("5_kept.csv", 4)):
+        write_table(folder / name, 960, seed, ("winding", "magnet", "yoke"))
+    _done(folder, ("ingest", "--bench", "bench.toml", "4_learn.csv", "5_kept.csv"), *more)
+
+
+def _checked(folder: Path) -> None:
+    """DC checks of three specimens, evaluated elsewhere."""
+    rows = [f"S{one},B1,{300 * check},{0.2 + 0.01 * check * one}" for one in range(3) for check in range(4)]
+    (folder / "checks.csv").write_text("\n".join(["specimen,batch,dose_h,R_th", *rows]) + "\n", encoding="utf-8")
+    (folder / "checks.toml").write_text(CHECKS, encoding="utf-8")
+    _done(folder, ("ingest", "--bench", "checks.toml", "checks.csv"))
+
+
+def _by_another_version(folder: Path) -> None:
+    """A log whose samples another decoder made than this version's."""
+    _done(folder, (*INGEST, "3_s2.csv"), before=lambda: setattr(decode, "DECODER", "whyhot-decoder/0"))
+
+
+def _stale(folder: Path) -> None:
+    """A calibration of two sessions, of which one was taken back since."""
+    _done(folder, CALIBRATE, ("retract", "2_drive", "--reason", "the wrong motor"))
+
+
+WRITING = {
+    "ingest": Writing((*INGEST, "3_s2.csv")),
+    "morning": Writing(("morning", "3_s2.csv", "--bench", "bench.toml", "--ingest")),
+    "replay": Writing(("replay", "2_drive")),
+    "calibrate": Writing(CALIBRATE),
+    "diagnose": Writing(DIAGNOSE, _exchanged),
+    "accept": Writing(("accept", DIAGNOSIS), lambda folder: _exchanged(folder, DIAGNOSE)),
+    "ageing": Writing(("ageing",), _checked),
+    "stale": Writing(("stale", "--redo"), _stale),
+    "retract": Writing(("retract", "1_s1", "--reason", "the wrong motor")),
+    "forget": Writing(("forget", "1_s1.blf", "--reason", "the contract ended")),
+    "correct": Writing(("correct", "1_s1", "--specimen", "servo-02", "--reason", "misread")),
+    "attach": Writing(("attach", "motor.toml", "--specimen", "servo-01", "--finding", "crack")),
+    "upgrade": Writing(("upgrade",), _by_another_version),
+    "rebuild": Writing(("rebuild",)),
+    "backup": Writing(("backup", "copy"), lambda folder: _done(folder, (*INGEST, "3_s2.csv"))),
+    "restore": Writing(("restore", "copy", "--store", "new")),
 }
 
 
@@ -36,7 +115,7 @@ def put(store: Store, text: str) -> None:
     made = store.work()
     (made / "recording.mcap").write_text(text)
     products = {"recording.mcap": hashlib.sha256(text.encode()).hexdigest()}
-    done = decode(f"d{sha256[:16]}", sha256, products=products)
+    done = events.decode(f"d{sha256[:16]}", sha256, products=products)
     store.publish(made, done.decode)
     sealed = RawFileSealed(sha256=sha256, name=text, size=50 * len(text), format=None)
     store.ledger.append_all([(f"file-{sha256}", sealed), (f"file-{sha256}", done)])
@@ -78,11 +157,11 @@ def write_bench(folder: Path) -> None:
     write_table(folder / "3_s2.csv", 40)
 
 
-def write_table(path: Path, rows: int, seed: int = 0) -> None:
-    """A table with a row a second."""
+def write_table(path: Path, rows: int, seed: int = 0, nodes: Sequence[str] = ("winding", "yoke", "magnet")) -> None:
+    """A table with a row a second; `nodes`: where the sensors that read winding, yoke and magnet are said to be."""
     speed, current = can_bench.drive(rows, seed)
     temperatures = can_bench.truth(speed, current, 30.0)
-    lines = ["time,MotorSpeed,MotorTorque,PhaseCurrent,TC_winding,TC_yoke,TC_magnet,TC_coolant"]
+    lines = [f"time,MotorSpeed,MotorTorque,PhaseCurrent,{','.join(f'TC_{node}' for node in nodes)},TC_coolant"]
     for k in range(rows):
         drive = f"{speed[10 * k]},{0.8 * current[10 * k]:.3f},{current[10 * k]}"
         lines.append(f"{k},{drive},{','.join(f'{value:.4f}' for value in temperatures[k])},30")
@@ -96,10 +175,7 @@ def make_bench(folder: Path) -> Path:
     """
     folder.mkdir()
     write_bench(folder)
-    for words in ([*INGEST, "1_s1.blf", "2_drive.asc"], ["replay", "1_s1"], ["backup", "copy"]):
-        code, said = Verb(words, folder).ended()
-        if code:
-            raise RuntimeError(f"{words}: {code}: {said}")
+    _done(folder, (*INGEST, "1_s1.blf", "2_drive.asc"), ("replay", "1_s1"), ("backup", "copy"))
     return folder
 
 
@@ -110,8 +186,8 @@ def copied(bench: Path, to: Path) -> Path:
 
 
 def meaning(folder: Path) -> list[str]:
-    """What a store says, without the times and numbers of its events: logs, samples, sessions, runs, what was taken
-    back."""
+    """What a store says, without the times and numbers of its events: logs, samples, sessions, answers, what is
+    current, what was taken back."""
     with Store.open(folder) as store:
         return sorted(_facts(store))
 
@@ -124,6 +200,10 @@ def _facts(store: Store) -> Iterator[str]:
     for session in known.sessions:
         yield f"session {session.session} {session.name} {session.kind} {session.specimen}"
     yield from (f"run {run.run} {run.digest}" for run in known.runs.values())
+    yield from (f"calibration {one.calibration} {model} {one.covariance}" for model, one in known.calibrations.items())
+    yield from (f"diagnosis {one.diagnosis} {one.artefact}" for one in known.diagnoses.values())
+    yield from (f"assessment {one.assessment} {one.digest}" for one in known.assessments.values())
+    yield from (f"current {new} in place of {old}" for old, new in known.successors.items())
     yield from (f"taken back {stream}" for stream in known.retractions)
     yield from (f"inspection {one}" for one in known.inspections)
     yield from (f"there {path.name}" for path in (store.folder / "decoded").glob("*/*"))

@@ -176,4 +176,4 @@ def tampered(arena: Arena) -> Outcome:
     return outcome
 
 
-ATTACKS = (Attack("T9", "tampering", "found; no false alarm", 750, 45, tampered),)
+ATTACKS = (Attack("T9", "tampering", "found; no false alarm", 750, len(KINDS), tampered),)

@@ -97,6 +97,6 @@ def _copied_by_hand(folder: Path, plain: Path) -> str | None:
 
 
 ATTACKS = (
-    Attack("T14", "writers at once", "no command lost or doubled, readers never see less", 1600, 48, writers),
-    Attack("T15", "backup while one writes", "whole, though every other one is killed", 50, 4, backups),
+    Attack("T14", "writers at once", "no command lost or doubled, readers never see less", 1600, 16, writers),
+    Attack("T15", "backup while one writes", "whole, though every other one is killed", 50, 2, backups),
 )

@@ -82,7 +82,7 @@ class State:
                     names.pop(name, None)
                     names |= {name: self.kept[name]} if name in self.kept else {}
             for left in itertools.product((1.0, 0.0, 0.5), repeat=len(torn)):
-                data = dict(self.contents)
+                data = {**self.synced, **self.contents}  # a file that was removed may be there again
                 for number, share in zip(torn, left, strict=True):
                     data[number] = data[number][: int(share * len(data[number]))]
                 yield {name: data.get(number, b"") if number else None for name, number in names.items()}
@@ -166,9 +166,10 @@ def power_cuts(arena: Arena) -> Outcome:
         subjects.filled(folder / "before", 2)
         backup(folder / "before", folder / "copy")
         states = recorded(folder, partial(work, folder))
-        share = -(-arena.tries // (len(WORKLOADS) * len(states)))
-        for number, state in enumerate(states):
-            cuts = list(state.after_cut())
+        all_of = len(WORKLOADS) * len(states)
+        share, step = -(-arena.tries // all_of), max(1, all_of // arena.tries)
+        for number in range(arena.chance.randrange(step), len(states), step):
+            cuts = list(states[number].after_cut())
             for cut in arena.chance.sample(cuts, min(share, len(cuts))):
                 _laid_out(cut, arena.folder / "cut")
                 found = [line for one in sorted((arena.folder / "cut").iterdir()) for line in _wrong(one)]
@@ -192,7 +193,7 @@ ATTACKS = (
         "power cut, what was not synced is lost",
         "no event without its bytes; the next command goes on",
         1500,
-        100,
+        40,
         power_cuts,
     ),
 )

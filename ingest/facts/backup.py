@@ -62,19 +62,22 @@ def backup(folder: Path, target: Path, read: bool = False, tell: Callable[[str],
 
 
 def restore(target: Path, folder: Path, tell: Callable[[str], None] = lambda line: None) -> tuple[Copied, StoreCheck]:
-    """Make a store in the new `folder` from the backup in `target`, and check every byte of it.
+    """Make a store in the new `folder` from the backup in `target`, and check every byte of it. Where a restore left a
+    file that it could not read, the next one brings it.
 
-    Raises StoreError where there is no backup, or `folder` holds events or something else, and as `backup`.
+    Raises StoreError where there is no backup, or `folder` holds other events, a whole store or something else, and as
+    `backup`.
     """
     if not (target / MARK).exists():
         raise StoreError(f"{target}: there is no backup here: `whyhot backup {target}` makes one")
     with Store.open(target) as copy:
         _events(copy)
         with closing(Store.open(folder, create=True)) as store:
-            if end := len(_events(store)):
+            end = len(_events(store))
+            if end and (store.ledger.head() != copy.ledger.head() or not check(store).damages):
                 says = f"is a store already, with {end} events: nothing was written; give a new folder with --store"
                 raise StoreError(f"{folder}: {says}")
-            done = _copy(copy, store, False, tell)
+            done = _copy(copy, store, end > 0, tell)
             tell("checking every byte")
             return done, check(store)
 

@@ -243,7 +243,9 @@ class Ledger:
     def _keep_index(self) -> None:
         """Keep the index for the next command: what a writer leaves, or a reader had to make."""
         index, seen = self._index, self._seen
-        if index is None or seen.findings or seen.position != index.position or index.position == 0:
+        if index is None or seen.findings or seen.halfway:
+            return
+        if seen.position != index.position or index.position == 0:
             return
         if self.lock is None and index.known.position:
             return

@@ -36,6 +36,7 @@ class LedgerHistory:
     moment: str = ""  # when the last row was recorded
     tail_of: Callable[[str], Tail] = lambda stream: (0, None)  # of a stream in the rows before the first
     resumed: bool = False  # behind rows that were added before: `recorded` lacks these
+    halfway: bool = False  # an interrupt (Ctrl-C) came while a row was added: nothing may be built on this
     _tails: dict[str, Tail] = field(default_factory=dict)
 
     @property
@@ -51,6 +52,7 @@ class LedgerHistory:
         """Check the next row against itself and all rows before it."""
         stream = row.originator_id if isinstance(row.originator_id, str) else None
         where = f"event {row.id} ({row.originator_id!r} version {row.originator_version!r})"
+        self.halfway = True
         self._count(row.id, where, stream)
         try:
             one = decode(row, row.id)
@@ -63,6 +65,7 @@ class LedgerHistory:
             self._seal(one, where)
             self.recorded.append(one)
         self._grow(row)
+        self.halfway = False
 
     def _count(self, position: int, where: str, stream: str | None) -> None:
         if position < 1:

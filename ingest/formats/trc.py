@@ -143,6 +143,11 @@ class TrcLog(FrameLines):
                 f"{self.path.name}: its line ;$COLUMNS={columns[:SHOWN]} names no column "
                 f"{', '.join(lacking) or 'l or L'}: its frames cannot be read. Save it with all columns."
             )
+        if twice := [letter for letter in WORDS if letters.count(letter) > 1]:
+            raise UnreadableLogError(
+                f"{self.path.name}: its line ;$COLUMNS={columns[:SHOWN]} names column {', '.join(twice)} twice: its "
+                "frames cannot be read. Copy the file again if the original is whole."
+            )
         self._columns, self._line = letters, _line(letters)
 
     def _take_start(self, stamp: datetime | None, said: str, by: str) -> None:

@@ -197,6 +197,19 @@ def test_what_the_backup_lacks_is_named_when_it_is_restored(folder: Path, target
     assert ["is missing" in one.says for one in found.damages] == [True]
 
 
+def test_what_a_restore_could_not_read_the_next_one_brings(folder: Path, target: Path, tmp_path: Path) -> None:
+    backup(folder, target)
+    file = sealed(target, "b")
+    file.rename(tmp_path / "aside")
+    done, found = restore(target, tmp_path / "new")
+    assert (len(done.left), len(found.damages)) == (1, 1)
+    (tmp_path / "aside").rename(file)
+    done, found = restore(target, tmp_path / "new")
+    assert (done.left, found.damages, done.head) == ([], [], head(folder))
+    with pytest.raises(StoreError, match="is a store already"):
+        restore(target, tmp_path / "new")
+
+
 def test_a_full_disk_keeps_what_was_copied_and_the_next_backup_goes_on(
     folder: Path, target: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

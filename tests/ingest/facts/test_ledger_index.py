@@ -28,6 +28,7 @@ from ingest.facts.events import (
 from ingest.facts.facts import Facts, LookedUp
 from ingest.facts.ledger import INDEX, Ledger
 from ingest.facts.ledger_audit import audit
+from ingest.facts.ledger_history import LedgerHistory
 from ingest.facts.ledger_index import LedgerIndex
 from ingest.facts.ledger_place import SqliteFile
 from ingest.facts.store import Store
@@ -278,6 +279,23 @@ def test_without_an_index_or_a_place_for_it_all_is_read(written: Path, monkeypat
     monkeypatch.setattr(Path, "write_bytes", lambda *_: (_ for _ in ()).throw(PermissionError))
     assert name_of(written, "s7") == "s7"
     assert not (written / INDEX).exists()
+
+
+def test_an_interrupt_while_an_event_is_taken_in_leaves_no_index_of_half_of_it(
+    written: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt), closing(Ledger(written, write=True)) as ledger:
+        ledger.index()
+        monkeypatch.setattr(LedgerHistory, "_grow", interrupt)
+        ledger.append("session-0014", session("0014", "s20", start_ns=20))
+        ledger.index()
+    monkeypatch.undo()
+    assert name_of(written, "s20") == "s20"
+    with closing(Ledger(written)) as ledger:
+        assert audit(ledger).findings == []
 
 
 def test_what_a_killed_writer_appended_is_seen(written: Path) -> None:

@@ -168,6 +168,7 @@ def test_a_start_that_is_not_understood_is_said_and_time_counts_from_zero(tmp_pa
     [
         (";$FILEVERSION=3.0\n", 'is a TRC file of version "3.0"; versions 1.0, 1.1, 1.2, 1.3, 2.0, 2.1 are read'),
         (HEAD.replace("I,", ""), "names no column I: its frames cannot be read. Save it with all columns."),
+        (";$FILEVERSION=2.1\n;$COLUMNS=N,O,T,B,T,I,d,R,L,D\n", "names column T twice"),
     ],
 )
 def test_a_version_or_columns_that_cannot_be_read_are_refused(tmp_path: Path, header: str, says: str) -> None:

@@ -1,4 +1,4 @@
-"""A store with its files in a bucket answers as one with them in its folder."""
+"""A store answers the same with its files in a bucket or in its folder, and whichever log came first."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def bucket() -> Iterator[BucketServer]:
 
 @pytest.fixture(scope="module")
 def stores(tmp_path_factory: pytest.TempPathFactory, bucket: BucketServer) -> dict[str, Path]:
-    """The same two sessions twice: files in the folder, and in the bucket."""
+    """The same two sessions twice: files in the folder, and in the bucket. The logs lie beside the stores."""
     folder = tmp_path_factory.mktemp("bench")
     can_bench.write_files(folder)
     logs = [str(folder / f"{i}.blf") for i in (0, 1)]
@@ -59,6 +59,12 @@ def digests(store: Path) -> dict[str, str]:
         done = [one.event for one in opened.ledger.events()]
     runs = {one.run: one.digest for one in done if isinstance(one, ReplayCompleted)}
     return runs | {one.diagnosis: one.artefact for one in done if isinstance(one, DiagnosisCompleted)}
+
+
+def products(store: Path) -> dict[str, dict[str, str]]:
+    """SHA-256 of each file that was decoded, by the ids of the decodes."""
+    with Store.open(store) as opened:
+        return {one.decode: one.products for one in facts.at(opened.ledger).decodes.values()}
 
 
 def both(stores: dict[str, Path], capsys: Capture, *words: str) -> tuple[Any, Any]:
@@ -98,6 +104,19 @@ def test_ledger_in_a_server_files_in_a_bucket_and_two_processes_give_the_same_di
         found = digests(far)
         assert main(["verify", "--read", "--store", str(far)]) == 0
     assert found.items() <= digests(stores["here"]).items() and len(found) == 2
+
+
+def test_logs_taken_in_and_replayed_in_another_order_give_equal_samples_runs_and_diagnoses(
+    stores: dict[str, Path], tmp_path: Path
+) -> None:
+    folder, store = stores["here"].parent, ["--store", str(tmp_path / "store")]
+    setup = ["--bench", str(folder / "bench.toml"), "--dbc", str(folder / "bench.dbc")]
+    for log in ("1.blf", "0.blf"):
+        assert main(["ingest", str(folder / log), *setup, *store]) == 0
+    for words in (["replay", "1", "0"], ["diagnose", "--on", "0", "1"]):
+        assert main([*words, *store]) == 0
+    assert digests(tmp_path / "store") == digests(stores["here"])
+    assert products(tmp_path / "store") == products(stores["here"])
 
 
 @pytest.mark.parametrize(
