@@ -51,5 +51,5 @@ def rival_lines() -> list[dict[str, Any]]:
     """How the rivals of a cause are drawn: colours and dashes that no model has."""
     return [
         {"color": SERIES[name][0], "linestyle": dashes, "linewidth": 1.0}
-        for name, dashes in zip(("purple", "orange", "sky"), ("-", *DASHES[1:]), strict=False)
+        for name, dashes in zip(("purple", "yellow", "sky"), ("-", *DASHES[4:6]), strict=True)
     ]

@@ -72,12 +72,14 @@ def _is_over_speed(refit: Refit) -> bool:
 
 
 def _models(found: Found, leader: Refit) -> dict[str, Fit]:
-    """Recalibrated alone, with all that was named, and with each rival of the `leader` instead of it."""
+    """Recalibrated alone, with all that was named, and with each rival of the `leader` instead of it,
+    by name."""
     named = {str(refit.candidate.cause) for refit in found.naming.accepted}
     models = {RECALIBRATED: found.base} | ({str(leader.candidate.cause): found.naming.final} if named else {})
     rivals = [one for one in _beside(found, leader) if one.ended and one.possible and not one.candidate.repeated]
     fits = {str(one.candidate.cause): one.fit for one in ([] if named else [leader]) + rivals}
-    return models | dict([(name, fit) for name, fit in fits.items() if name not in named][:RIVALS])
+    best = [name for name in fits if name not in named][:RIVALS]
+    return models | {name: fits[name] for name in sorted(best)}  # as they come back from JSON, and are drawn
 
 
 def _beside(found: Found, leader: Refit) -> list[Refit]:
