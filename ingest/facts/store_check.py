@@ -97,10 +97,10 @@ def check(store: Store, read: bool = True, since: Head | None = None, workers: W
 
 def _whole_by(workers: Workers, store: Store, seen: LedgerHistory) -> set[tuple[str, str]]:
     """Of sealed files and products, those that workers find whole: where each lies in the store, and its SHA-256."""
-    jobs = [(f"archive/{sha256[:2]}/{sha256}", sha256) for sha256 in store.archive]
-    for one in seen.recorded:
-        if isinstance(one.event, DecodeCompleted):
-            jobs += [(_product(one.event, name), sha256) for name, sha256 in one.event.products.items()]
+    jobs = [(_sealed(sha256), sha256) for sha256 in store.archive]
+    for event in (one.event for one in seen.recorded):
+        if isinstance(event, DecodeCompleted) and event.decode.isalnum():  # else forged: it may lead out of the store
+            jobs += [(_product(event, name), sha256) for name, sha256 in event.products.items()]
     return {job for job, whole in each(partial(_is_whole, store.folder.absolute()), jobs, workers) if whole is True}
 
 
@@ -112,6 +112,10 @@ def _is_whole(folder: Path, job: tuple[str, str]) -> bool:
         return sha256_of(files / place) == sha256
     except (OSError, StoreError):
         return False  # who asked looks again, and says why
+
+
+def _sealed(sha256: str) -> str:
+    return f"archive/{sha256[:2]}/{sha256}"
 
 
 def _product(decode: DecodeCompleted, name: str) -> str:
@@ -152,8 +156,7 @@ def _check_files(
     for says, stream in seen.findings:
         key = stream.partition("-")[2] if stream else ""
         found.damages.append(Damage(says, sessions_on(facts, key), LEDGER))
-    sealed = {sha256 for place, sha256 in whole if place.startswith("archive/")}
-    _check_sealed(found, archive, files, read, partial(sessions_on, facts), sealed)
+    _check_sealed(found, archive, files, read, partial(sessions_on, facts), whole)
     _check_products(found, folder, list(facts.decodes.values()), read, partial(sessions_on, facts), whole)
     if not seen.findings:
         gone = forgotten(seen.recorded)
@@ -171,12 +174,14 @@ def _check_sealed(
     files: Mapping[str, Cited],
     read: bool,
     affects: Callable[[str], tuple[str, ...]],
-    whole: Collection[str],
+    whole: Collection[tuple[str, str]],
 ) -> None:
     names, bad = sorted({*archive, *files}), 0
     for sha256 in names:
         path = archive.folder / sha256[:2] / sha256
-        if sha256 not in whole and (says := found.twice(path, partial(archive.damage, sha256, read))):
+        if (_sealed(sha256), sha256) in whole:
+            continue
+        if says := found.twice(path, partial(archive.damage, sha256, read)):
             file = files.get(sha256, Cited(sha256, "no event cites it", "delete it: no event cites it"))
             found.damages.append(Damage(f"{says} ({file.what})", affects(file.run or sha256), file.mend))
             bad += 1
@@ -199,9 +204,9 @@ def _check_products(
         for name, sha256 in decode.products.items():
             path = folder / "decoded" / decode.decode / Path(name).name
             count += 1
-            says: str | None = None
             if (_product(decode, name), sha256) in whole:
                 continue
+            says: str | None = None
             if not decode.decode.isalnum():
                 says = f"{folder}: {decode.decode!r} is not the id of a decode: it was forged"
                 found.damages.append(Damage(says, affects(decode.decode), BACKUP))
