@@ -14,7 +14,7 @@ wall time and of processor time (its child processes included).
 
 Where the time goes: processor time of each stage of our way by itself, in this process, and as a share of their sum;
 next to the floor, which inflates, hashes and writes the same bytes and does nothing else. And two such ingests at once
-in two processes, against one.
+in two processes, against one; next to two floors at once, against one: what the machine has for a second process.
 
 In the same run, what one `ingest` of many small things takes, from an empty store to a sealed one: logs of 1,400 rows,
 and a table of checks of which each row is a session. With them, in turns, the same logs one by one: the child process,
@@ -210,20 +210,29 @@ def _floor(log: Path, products: list[Path], folder: Path) -> None:
         (folder / "floor").write_bytes(data)
 
 
-def at_once(log: Path, dbc: Path, folder: Path) -> float:
-    """How many times as much two processes take in as one, by wall time. Both have taken in the log before."""
+def at_once(log: Path, dbc: Path, folder: Path) -> dict[str, float]:
+    """How many times as much two processes do as one, by wall time: take in the log, and the floor of it. Both have
+    done so before."""
     with ProcessPoolExecutor(2, get_context("spawn")) as pool:  # forks of what has threads may hang
 
-        def wall(name: str, count: int) -> float:
-            places = [folder / f"{name} {k}" for k in range(count)]
+        def wall(way: Callable[[Path, Path, Path], object], name: str, count: int) -> float:
+            places = [folder / f"{way.__name__} {name} {k}" for k in range(count)]
             for place in places:
                 place.mkdir()
             begun = clocks()
-            deque(pool.map(whyhot, [log] * count, [dbc] * count, places), 0)
+            deque(pool.map(way, [log] * count, [dbc] * count, places), 0)
             return float((clocks() - begun)[0])
 
-        wall("warm", 2)
-        return 2 * wall("alone", 1) / wall("two", 2)
+        def times(way: Callable[[Path, Path, Path], object]) -> float:
+            wall(way, "warm", 2)
+            return 2 * wall(way, "alone", 1) / wall(way, "two", 2)
+
+        return {"two_processes": times(whyhot), "two_floors": times(floor)}
+
+
+def floor(log: Path, dbc: Path, folder: Path) -> None:
+    """The floor of a log, without what is made of it."""
+    _floor(log, [], folder)
 
 
 # ---- many small things --------------------------------------------------------------------------------------------
@@ -406,7 +415,7 @@ def run(count: int, rounds: int) -> dict[str, Any]:
         "stages_s": spent,
         "shares": {name: one / sum_s for name, one in spent.items() if name != "floor"},
         "sum_over_floor": sum_s / spent["floor"],
-        "two_processes": twice,
+        **twice,
         "values_equal": True,
         "asammdf": "from an MF4 of the same frames, made outside the clock" if "asammdf" in wall else "not installed",
     }
@@ -430,7 +439,10 @@ def main() -> None:
     for name, share in result["shares"].items():
         print(f"{name:24}{result['stages_s'][name]:13.2f}{share:8.0%}")
     print(f"{'floor':24}{result['stages_s']['floor']:13.2f}")
-    print(f"sum_over_floor {result['sum_over_floor']:.1f}   two_processes {result['two_processes']:.2f} times one")
+    print(
+        f"sum_over_floor {result['sum_over_floor']:.1f}   two_processes {result['two_processes']:.2f} times one   "
+        f"two_floors {result['two_floors']:.2f}"
+    )
     print(f"{'one ingest of':28}{'count':>9}{'wall s':>9}{'processor s':>13}{'per second':>13}")
     for name, one in result["many"].items():
         print(

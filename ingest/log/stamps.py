@@ -1,12 +1,12 @@
 """The stamps of a recording, looked through stream by stream for what `ingest.log.clock` tells of them.
 
 Records wait in memory while they are few, else in files beside the recording. What shares a stamp is found bucket by
-bucket: equal stamps fall into the same one. So a log of any length takes about 100 MB, and 2 bytes a record.
+bucket: equal stamps fall into the same one. So a log of any length takes about 100 MB.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -29,6 +29,7 @@ JITTER_NS = 1_000_000  # by which frames may come out of order
 MOST_STRAYS = 10  # in a row: what is longer is a clock that was set
 ODD = np.uint64(0x9E3779B97F4A7C15)
 RECORD = np.dtype([("t_ns", "<i8"), ("record", "<i8"), ("print", "<u8")])
+PLACE = np.dtype([("at", "<i8")])
 STAMP = np.dtype([("t_ns", "<i8"), ("at", "<i8"), ("print", "<u8"), ("follows", "?")])  # behind one of the same stamp
 
 
@@ -201,9 +202,10 @@ class _Doubled:
     """The `total` records of a stream, in buckets by stamp. `blocks`: where those begin that stand there twice."""
 
     def __init__(self, total: int, folder: Path) -> None:
-        self._total, self._seen = total, 0
+        self._seen = 0
         self._buckets = 1 + total // spill.MOST_ROWS
         self._spill: Spill[int] = Spill(folder, STAMP)
+        self._folder = folder
         self.blocks = np.empty(0, np.int64)
 
     def add(self, rows: Table, follows: Flags) -> None:
@@ -219,16 +221,19 @@ class _Doubled:
 
     def count(self, found: StampFaults, stream: Stream) -> None:
         """Add what has the stamp of another record, and what of it is written again as a block."""
-        again = np.zeros(self._total, np.bool_)
+        self._folder.joinpath("again").mkdir()
+        again: Spill[int] = Spill(self._folder / "again", PLACE)  # part by part of the stream
         equal = other = 0
         for number in self._spill.names:
             rows = np.concatenate(list(self._spill.batches(number)))
             repeats, origin = _repeats(rows["t_ns"])
             same = rows["print"][repeats] == rows["print"][origin]
-            again[rows["at"][repeats[same & ~rows["follows"][repeats]]]] = True  # not right behind what they repeat
+            apart = np.sort(rows["at"][repeats[same & ~rows["follows"][repeats]]])  # not right behind what they repeat
+            part = apart // spill.MOST_ROWS
+            for one in np.unique(part).tolist():
+                again.add(one, _table(PLACE, apart[part == one]))
             equal, other = equal + int(same.sum()), other + int((~same).sum())
-        edges = np.flatnonzero(np.diff(again.view(np.int8), prepend=np.int8(0), append=np.int8(0))).reshape(-1, 2)
-        blocks = edges[edges[:, 1] - edges[:, 0] > 1]
+        blocks = _blocks(np.sort(np.concatenate([*again.batches(one)])["at"]) for one in sorted(again.names))
         written = int((blocks[:, 1] - blocks[:, 0]).sum())
         self.blocks = blocks[:, 0]
         found.blocks = max(found.blocks, len(blocks))
@@ -237,6 +242,24 @@ class _Doubled:
         found.other += other
         if equal + other:
             found.doubled.add(stream)
+
+
+def _blocks(parts: Iterable[Ints]) -> Ints:
+    """Runs (first, end) of two and more places, (M, 2); `parts` are places, ascending from part to part."""
+    found = [np.empty((0, 2), np.int64)]
+    open_first = open_end = -1
+    for places in parts:
+        cut = np.flatnonzero(np.diff(places) != 1) + 1
+        runs = np.stack([places[np.append(0, cut)], places[np.append(cut, len(places)) - 1] + 1], axis=1)
+        if runs[0, 0] == open_end:
+            runs[0, 0] = open_first
+        else:
+            found.append(np.array([[open_first, open_end]]))
+        open_first, open_end = runs[-1].tolist()
+        found.append(runs[:-1][np.diff(runs[:-1])[:, 0] > 1])
+    found.append(np.array([[open_first, open_end]]))
+    every = np.concatenate(found)
+    return every[every[:, 1] - every[:, 0] > 1]
 
 
 def _repeats(t_ns: Ints) -> tuple[Ints, Ints]:

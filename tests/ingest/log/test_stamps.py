@@ -73,4 +73,4 @@ def test_memory_hardly_grows_with_the_records(tmp_path: Path, monkeypatch: pytes
         assert look(tmp_path / "recording.mcap").block_records == count // 2
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
-    assert (peaks[1] - peaks[0]) / 600_000 < 6, f"bytes a record, at peaks of {peaks}"
+    assert (peaks[1] - peaks[0]) / 600_000 < 3, f"bytes a record, at peaks of {peaks}"
