@@ -229,7 +229,7 @@ def _parts(versions: list[DecodeCompleted], benches: Mapping[str, Bench], said: 
             whole=len(rows) == 1,
             specimen=said.specimen or row.get("specimen") or bench.specimen,
             batch=said.batch or row.get("batch") or bench.batch,
-            absolute=decode.absolute,
+            absolute=decode.absolute and decode.start_ns is not None,  # of a log without a record no time is known
             start_ns=row["start_ns"],
             end_ns=row["end_ns"],
             rows=tuple(row.get("rows", ())),

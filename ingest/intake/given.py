@@ -67,7 +67,8 @@ def databases_given(arguments: Sequence[Path]) -> list[Path]:
 def databases_in(argument: Path) -> list[Path]:
     """The signal databases in a folder, or among the files that fit a pattern. Raises IngestError where it is not
     there."""
-    return [path for path in files_in(argument) if path.suffix.lower() in DATABASES or _looks_like_a_database(path)]
+    files = [path for path in files_in(argument) if path.exists()]
+    return [path for path in files if path.suffix.lower() in DATABASES or _looks_like_a_database(path)]
 
 
 def _looks_like_a_database(path: Path) -> bool:
@@ -103,7 +104,8 @@ def files_in(argument: Path) -> list[Path]:
     found = [Path(path) for path in glob.iglob(pattern, recursive=True)]  # noqa: PTH207 (it may begin at the root)
     if not found:
         raise IngestError(f"{argument}: nothing fits this pattern: correct the path.")
-    files = sorted((path for path in found if path.is_file()), key=lambda path: natural(str(path)))
+    there = (path for path in found if path.is_file() or not path.exists())  # a link that leads nowhere is named
+    files = sorted(there, key=lambda path: natural(str(path)))
     stores = {path.parent for path in files if path.name == MARK}
     return [path for path in files if stores.isdisjoint(path.parents)]
 

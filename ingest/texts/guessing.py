@@ -42,8 +42,8 @@ _BY_NAME: Mapping[str, str] = {
     "counter": "counter|_cnt_|alive|_crc_",
     "state": "state|status|_mode_|fault|error|zustand|_stato_",
 }
-_PLACES = (  # of thermocouples whose column says no more than where they sit
-    "wind|wdg|slot|yoke|tooth|teeth|stator|rotor|magnet|_pm_|bearing|housing|ambient|coolant|inlet|outlet|oven|endcap|water"
+_PLACES = (  # of thermocouples whose column says no more than where they sit; "06:58:23 PM" is a time
+    "wind|wdg|slot|yoke|tooth|teeth|stator|rotor|magnet|(?<!_[0-9]{2})_pm_|bearing|housing|ambient|coolant|inlet|outlet|oven|endcap|water"
     "|terminal|wickl|lager|geh(ae|ä)use|k(ue|ü)hl|ofen|umgebung|wasser|avvolg|magnete|cuscinett|acqua|ambiente|forno"
     "|_mag_|_amb_|_brg_|cool|_oil_|joch|zahn|r(ue|ü)cken|_nut_|blechpaket|vorlauf|r(ue|ü)cklauf|_(oe|ö)l_|_avv_|giogo"
     "|_dente_|_cava_|statore|rotore|carcassa|raffredd|_olio_"

@@ -80,6 +80,7 @@ def answer(found: Morning) -> str:
     told = ", ".join(f"{count} {kind}" for kind, count in kinds.items())
     wrong = Counter(name for night in nights for name in look_at(night))
     wrong["clock"] = sum(one.offset is not None and not one.agrees for one in found.clocks)
+    wrong["refused or incomplete log"] = len(found.intake.refusals)
     looks = words.joined([words.counted(count, name) for name, count in wrong.items() if count])
     what = (
         f"{words.counted(len(nights), 'session')} ({told}), {words.duration(total)} in all" if nights else "no session"

@@ -53,6 +53,11 @@ def test_files_without_absolute_time_are_each_a_session() -> None:
     assert [session.absolute for session in sessions] == [True, False, False]
 
 
+def test_a_file_without_a_record_is_of_no_time_though_it_says_its_own() -> None:
+    [session] = grouped(log("a", 0, 100, start_ns=None, end_ns=None))
+    assert not session.absolute, "else it is a session of 1970"
+
+
 def test_files_without_a_bench_file_are_each_a_session() -> None:
     assert raws(grouped(log("a", 0, 100, None), log("b", 50, 100, None))) == [["a"], ["b"]]
 

@@ -33,6 +33,7 @@ def night(tmp_path: Path) -> Path:
         (folder / name).write_text(TABLE, encoding="utf-8")
     shutil.copy(LOGS / "sample.blf", folder / "sub" / "S3")
     (folder / "notes.csv").write_text("# Night shift\nall well, but cold\n", encoding="utf-8")
+    (folder / "moved.csv").symlink_to(folder / "nowhere.csv")
     (folder / "photo.jpg").write_bytes(b"\xff\xd8\xff\xe0" + os.urandom(500))
     with zipfile.ZipFile(folder / "more.zip", "w") as archive:
         archive.writestr("S4.csv", TABLE + "2,20.7\n")
@@ -48,10 +49,11 @@ def test_a_folder_is_all_logs_in_it_by_what_they_hold(night: Path) -> None:
         assert given.skipped == [
             "README in more.zip: is a text without a table. Skipped.",
             "inner.zip in more.zip: is an archive in an archive. Unpack it first. Skipped.",
+            "moved.csv: cannot be opened (No such file or directory). Skipped.",
             "notes.csv: is a text without a table. Skipped.",
-            given.skipped[3],
+            given.skipped[4],
         ]
-        assert given.skipped[3].startswith("photo.jpg: is none of the known log formats (")
+        assert given.skipped[4].startswith("photo.jpg: is none of the known log formats (")
         unpacked = next(path for path in given.logs if "more.zip" in path.name)
         assert unpacked.read_text(encoding="utf-8").startswith(TABLE)
     assert not unpacked.exists()

@@ -192,6 +192,8 @@ def test_a_unit_row_contradicts_only_what_it_says_otherwise(
         ("profile_id", None, None),
         ("i_d", None, "current_d"),
         ("AliveCounter", None, "counter"),
+        ("T_pm_degC", None, "temperature"),
+        ("07/09/2012 06:58:23 PM - Digital Input", None, None),
         ("Remark", None, None),
     ],
 )

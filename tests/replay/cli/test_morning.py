@@ -110,6 +110,7 @@ def test_a_file_that_cannot_be_read_is_said_and_stops_no_other(lab: Path, tmp_pa
     printed = capsys.readouterr()
     assert "cut.blf: " in printed.err
     assert "1 file could not be read" in " ".join(printed.out.split())
+    assert "1 refused or incomplete log" in printed.out.split("Balance")[0]
 
 
 def test_the_clock_of_a_second_logger_is_a_fact_of_a_store_that_keeps_its_log(tmp_path: Path, capsys: Capture) -> None:
