@@ -154,7 +154,7 @@ class Plan(NamedTuple):
     follow: Sweep  # what lagging readings take of the temperatures after the step
 
 
-class Rows(Protocol):
+class StateRows(Protocol):
     """Rows of [P | x], of `length` numbers each: a `Plan` has them, and what the paper's form has instead."""
 
     @property
@@ -164,13 +164,13 @@ class Rows(Protocol):
 
 
 @within
-def x_at(plan: Rows, rows: int, i: int) -> np.uint64:
+def x_at(plan: StateRows, rows: int, i: int) -> np.uint64:
     """The place of x_i in the matrix [P | x] that begins at `rows`."""
     return u(rows + i * plan.length + plan.size)
 
 
 @within
-def entry_at(plan: Rows, rows: int, i: int, j: int) -> np.uint64:
+def entry_at(plan: StateRows, rows: int, i: int, j: int) -> np.uint64:
     """The place of P_ij in the matrix [P | x] that begins at `rows`."""
     return u(rows + i * plan.length + j)
 

@@ -36,7 +36,7 @@ from twin.arithmetic.lanes import (
     within,
 )
 from twin.filters.matrix import amounts_at, counted, laws_at, surround, term_at
-from twin.filters.plan import Plan, Rows, psi_of, term_of, x_at
+from twin.filters.plan import Plan, StateRows, psi_of, term_of, x_at
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -91,7 +91,7 @@ class ReadingsPlan(NamedTuple):
     by_earlier: Sweep
 
 
-class RowLayout(Rows, Protocol):
+class RowLayout(StateRows, Protocol):
     """What a `Plan`, and what the paper's form has instead, say of their rows to `readings_of` and `correct`."""
 
     @property
