@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from collections import defaultdict
 from pathlib import Path
 
 import pytest
 
+from made.as_script import ran
 from made.places import ROOT
 
 BENCHMARKS = sorted(path.stem for path in (ROOT / "benchmarks").glob("*.py") if path.stem not in ("asked", "shared"))
@@ -37,8 +36,7 @@ def quoted() -> dict[str, set[str]]:
 
 @pytest.mark.parametrize("name", BENCHMARKS)
 def test_it_runs_to_its_end_and_prints_the_figures_that_pages_quote(name: str, tmp_path: Path) -> None:
-    command = [sys.executable, str(ROOT / "benchmarks" / f"{name}.py"), "--quick", "--json", "found.json"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = ran(ROOT / "benchmarks" / f"{name}.py", "--quick", "--json", "found.json", folder=tmp_path)
     assert done.returncode == 0, done.stderr[-3000:]
     assert not [figure for figure in quoted()[name] if figure not in done.stdout], done.stdout
     assert (tmp_path / "found.json").stat().st_size > 2

@@ -23,7 +23,7 @@ from ingest.formats import Format, recognise
 from ingest.intake.setup import Setup, kept_name, resolved, sealed_setup
 from ingest.log.decode import RECORDING, decode_file, identity
 from ingest.log.reading import LogReading, Reader
-from ingest.units.each import Lost, Workers, each
+from ingest.units.each import Lost, Workers, each, told
 from ingest.units.shared import InProcess, Shared, share
 
 
@@ -67,13 +67,11 @@ def read_logs(
     shared = _shared(setup, work, workers)
     jobs = [_Job(ReadLog(log, None, None), shared, work) for log in logs]
     found: dict[str, ReadLog] = {}
-    _tell_next(tell, "reading", logs, 0)
     with closing(Reader()) as reader:
         read = partial(_read, reader) if workers is None else _read_alone
-        for job, done in each(read, jobs, workers):
+        for job, done in told(each(read, jobs, workers), "reading", _shown(logs), tell):
             log = job.done.log
             found[log.raw] = _lost(log, done) if isinstance(done, Lost) else done
-            _tell_next(tell, "reading", logs, len(found))
     return [found[log.raw] for log in logs]
 
 
@@ -89,10 +87,8 @@ def decode_logs(
     elsewhere. What a decode made lies in `made_in`. `channels`: by the SHA-256 of a log."""
     shared = _shared(setup, work, workers)
     jobs = [_Job(one, shared, work, channels.get(one.log.raw, ())) for one in logs]
-    given = [one.log for one in logs]
-    _tell_next(tell, "decoding", given, 0)
-    for number, (job, done) in enumerate(each(_decode, jobs, workers), 1):
-        _tell_next(tell, "decoding", given, number)
+    shown = _shown([one.log for one in logs])
+    for job, done in told(each(_decode, jobs, workers), "decoding", shown, tell):
         if isinstance(done, Lost):
             lost = _lost(job.done.log, done)
             yield lost, _quarantined(lost, setup)
@@ -109,10 +105,9 @@ def _shared(setup: Setup, work: Path, workers: Workers | None) -> Shared[Setup] 
     return InProcess(setup) if workers is None else share(setup, work)
 
 
-def _tell_next(tell: Callable[[str], None], what: str, logs: Sequence[LogFile], done: int) -> None:
-    if done < len(logs):
-        path = logs[done].path
-        tell(f"{what} {done + 1} of {len(logs)}: {kept_name(path)}, {path.stat().st_size / 1e6:.1f} MB")
+def _shown(logs: Sequence[LogFile]) -> list[str]:
+    """Names and sizes of logs, for those who wait."""
+    return [f"{kept_name(log.path)}, {log.path.stat().st_size / 1e6:.1f} MB" for log in logs]
 
 
 def _lost(log: LogFile, lost: Lost) -> ReadLog:

@@ -64,6 +64,13 @@ def each(work: Callable[[J], R], jobs: Sequence[J], workers: Workers | None) -> 
             fruitless += 1
 
 
+def told(results: Iterator[R], what: str, names: Sequence[str], tell: Callable[[str], None]) -> Iterator[R]:
+    """As many results as there are names; before each is waited for, `tell` hears which one it is."""
+    for number, name in enumerate(names, 1):
+        tell(f"{what} {number} of {len(names)}: {name}")
+        yield next(results)
+
+
 def _round(work: Callable[[J], R], jobs: dict[int, J], workers: Workers) -> Iterator[tuple[int, R]]:
     """What was done by the end of all jobs or of the executor."""
     gone: tuple[type[Exception], ...] = (CancelledError, *workers.ended)

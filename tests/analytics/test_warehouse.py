@@ -306,13 +306,13 @@ def test_a_broken_warehouse_is_kept_aside_and_made_again_with_a_note(store: Stor
         assert opened.notes == ()
 
 
-def test_twenty_damaged_warehouses_answer_as_before(store: Store) -> None:
+def test_ten_damaged_warehouses_answer_as_before(store: Store) -> None:
     path, chance = store.folder / "warehouse.duckdb", random.Random(7)
     with warehouse.refresh(store) as opened:
         before = warehouse.digest(opened.connection)
     whole = path.read_bytes()
     repaired = 0
-    for trial in range(20):
+    for trial in range(10):
         data = bytearray(whole)
         if trial % 2:
             data[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
@@ -322,7 +322,7 @@ def test_twenty_damaged_warehouses_answer_as_before(store: Store) -> None:
         with warehouse.refresh(store) as opened:
             assert warehouse.digest(opened.connection) == before, trial
             repaired += len(opened.notes)
-    assert repaired >= 10  # the cut ones at least; a flip may hit a byte that nothing reads
+    assert repaired >= 5  # the cut ones at least; a flip may hit a byte that nothing reads
 
 
 def test_the_second_broken_one_does_not_replace_the_first(store: Store) -> None:

@@ -1,6 +1,6 @@
 """Motors of `plant` that hide one thing each, through logs, store and search, each in a process of its own.
 
-The search stops after its first term; exchanged channels and faults of the data need no search at all.
+Of the search its first round; exchanged channels and faults of the data need no search at all.
 """
 
 from __future__ import annotations
@@ -26,8 +26,9 @@ from replay.engine.files.models import for_intake
 from replay.studies.characterise.calibrate import common_model
 from replay.studies.diagnosis.data_faults import data_faults
 from replay.studies.diagnosis.question import Campaign, Question, campaign_of
-from twin.diagnosis.naming import search
-from twin.diagnosis.rounds import EVIDENT, THRESHOLD
+from twin.diagnosis.free_heats import free_heats
+from twin.diagnosis.refined import calibrated
+from twin.diagnosis.rounds import EVIDENT, THRESHOLD, scored, uncalibrated, with_refits
 from twin.diagnosis.swaps import scan
 from twin.diagnosis.told_apart import told_apart
 from twin.differences.everyday import everyday
@@ -88,7 +89,7 @@ def keep_imports() -> None:
 
 
 def diagnosed(case: Case) -> Answer:
-    """What the first step of the search says of a case; for exchanged channels the scan, for a fault of the data its
+    """What the first round of the search says of a case; for exchanged channels the scan, for a fault of the data its
     evidence."""
     with threadpool_limits(1, user_api="blas"):
         campaign = _campaign(case)
@@ -108,14 +109,19 @@ def _fault(campaign: Campaign, model: Model) -> Answer:
 
 
 def _first_term(campaign: Campaign, model: Model) -> Answer:
-    """What the search lets in first: no term gets over an endless threshold, so that it stops there."""
-    naming = search(model, campaign.candidates, threshold=np.inf)
-    found, heat = naming.rounds[0], naming.heats[0].log_bayes_factor
+    """What the search lets in first."""
+    base = calibrated(model, campaign.candidates, _quietly)
+    weighed, heat = scored(base, campaign.candidates), free_heats(base)[0].log_bayes_factor
+    if heat > max(EVIDENT, float(weighed.scores.log_bayes_factor.max())):
+        return Answer("unknown", log_bf=heat)
+    found = with_refits(weighed, _quietly, uncalibrated(base, len(model.parameters)))
     leading = tuple((str(r.candidate.cause), r.log_bayes_factor) for r in found.refits)
-    if heat > max(EVIDENT, float(found.scores.log_bayes_factor.max())):
-        return Answer("unknown", log_bf=heat, leading=leading)
     best = found.best
     if best is None or best.log_bayes_factor <= max(THRESHOLD, found.null):
         return Answer("", leading=leading, audit=spreads(found.base))
     same = tuple(str(m.candidate.cause) for m in told_apart(found, best.candidate, heat).others)
     return Answer(str(best.candidate.cause), same, best.log_bayes_factor, best.amplitude, leading)
+
+
+def _quietly(line: str) -> None:
+    """Of where the search is nothing is told."""

@@ -16,7 +16,7 @@ second thermometer, half stator and half rotor, lags. So S = 7, and x is
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -154,14 +154,23 @@ class Plan(NamedTuple):
     follow: Sweep  # what lagging readings take of the temperatures after the step
 
 
+class StateRows(Protocol):
+    """Rows of [P | x], of `length` numbers each: a `Plan` has them, and what the paper's form has instead."""
+
+    @property
+    def size(self) -> int: ...
+    @property
+    def length(self) -> int: ...
+
+
 @within
-def x_at(plan: Plan, rows: int, i: int) -> np.uint64:
+def x_at(plan: StateRows, rows: int, i: int) -> np.uint64:
     """The place of x_i in the matrix [P | x] that begins at `rows`."""
     return u(rows + i * plan.length + plan.size)
 
 
 @within
-def entry_at(plan: Plan, rows: int, i: int, j: int) -> np.uint64:
+def entry_at(plan: StateRows, rows: int, i: int, j: int) -> np.uint64:
     """The place of P_ij in the matrix [P | x] that begins at `rows`."""
     return u(rows + i * plan.length + j)
 

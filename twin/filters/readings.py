@@ -36,7 +36,7 @@ from twin.arithmetic.lanes import (
     within,
 )
 from twin.filters.matrix import amounts_at, counted, laws_at, surround, term_at
-from twin.filters.plan import Plan, psi_of, term_of, x_at
+from twin.filters.plan import Plan, StateRows, psi_of, term_of, x_at
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -91,13 +91,9 @@ class ReadingsPlan(NamedTuple):
     by_earlier: Sweep
 
 
-class RowLayout(Protocol):
+class RowLayout(StateRows, Protocol):
     """What a `Plan`, and what the paper's form has instead, say of their rows to `readings_of` and `correct`."""
 
-    @property
-    def size(self) -> int: ...
-    @property
-    def length(self) -> int: ...
     @property
     def channels(self) -> int: ...
     @property

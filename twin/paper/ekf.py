@@ -30,6 +30,7 @@ from twin.arithmetic.lane_code import pointer
 from twin.arithmetic.lanes import LaneStore, record
 from twin.filters.ekf import Estimate, FilterCourse, courses, estimate_of
 from twin.filters.inputs import AnyReading, FilterStart, Given, Reading, inputs_of
+from twin.filters.plan import entry_at, x_at
 from twin.filters.readings import ReadingsPlan, correct, readings_of, row_of
 from twin.filters.unknowns import Unknown
 from twin.motor.network import Network
@@ -43,6 +44,7 @@ from twin.paper.ekf_step import (
     metered,
     rates_of,
     reads,
+    share_at,
     shares_of,
     solve,
     spread,
@@ -163,7 +165,7 @@ def _run(
                         about = True
                     off = metered(rates, m, at, j - rates.channels, x, count)
                 if bias[j] >= 0:
-                    m[u(rates.shares + count * length + bias[j])] = -1.0
+                    m[share_at(rates, count, bias[j])] = -1.0
                     off += x[n + bias[j], 0]
                 reads(rates, m, at, count, taken.crossed, taken.stride)
                 own = taken.crossed + count * taken.stride
@@ -174,7 +176,8 @@ def _run(
             likelihood += correct(rates, taken, m, at, count, pointer(innovations, 2 * (k - 1) * channels))
             _follow(rates, capacities, m, at, x)
         for i in range(states.shape[1]):
-            states[k, i], spreads[k, i] = m[u(rates.state + i * length + size)], m[u(rates.state + i * length + i)]
+            states[k, i] = m[x_at(rates, rates.state, i)]
+            spreads[k, i] = m[entry_at(rates, rates.state, i, i)]
     return likelihood
 
 
@@ -204,7 +207,7 @@ def _meet(
 ) -> None:
     """Have x (S, 1) as predicted meet the capacitor equation, linear about it, by what w has to be more; x in `ahead`
     too."""
-    n, size, length = rates.n, rates.size, rates.length
+    n, size = rates.n, rates.size
     for i in range(n):
         m[u(rates.right + i)] = 2.0 / step_s * m[u(rates.heat + i)] - m[u(rates.own + i)] * x[n + i, 0]
     solve(rates, m, at)
@@ -216,37 +219,37 @@ def _meet(
         more = m[u(rates.right + i)]
         x[i, 0] += 0.5 * step_s * more
         x[n + i, 0] += more
-        m[u(rates.ahead + i * length + size)] = x[i, 0]
+        m[x_at(rates, rates.ahead, i)] = x[i, 0]
     for i in range(n, size):
-        m[u(rates.ahead + i * length + size)] = x[n + i, 0]
+        m[x_at(rates, rates.ahead, i)] = x[n + i, 0]
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def _linear(rates: Rates, capacities: Floats, m: Floats, at: Index, h: Floats, x: Floats, q: int) -> float:
     """`h x` (S,), a reading; its slopes with y become `shares` of reading q."""
-    n, size, shares, total, late = rates.n, rates.size, rates.shares + q * rates.length, 0.0, False
+    n, size, total, late = rates.n, rates.size, 0.0, False
     for i in range(n):
-        m[u(shares + i)] = -h[i]
+        m[share_at(rates, q, i)] = -h[i]
         total += h[i] * x[i, 0]
     for i in range(n, 2 * n):
         late |= h[i] != 0.0
         total += h[i] * x[i, 0]
     for i in range(n, size):
-        m[u(shares + i)] = -h[n + i]
+        m[share_at(rates, q, i)] = -h[n + i]
         total += h[n + i] * x[n + i, 0]
     if late:  # what it takes of rates is what the capacitor equation makes of them
         for c in range(rates.cells):
             entry, i, j = cell_of(rates, at, c)
-            m[u(shares + j)] += h[n + i] * m[u(rates.slopes + entry)] / capacities[i]
+            m[share_at(rates, q, j)] += h[n + i] * m[u(rates.slopes + entry)] / capacities[i]
     return total
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def _follow(rates: Rates, capacities: Floats, m: Floats, at: Index, x: Floats) -> None:
     """Set x (S, 1) to what it is in `state`; the rates move with the rest as the capacitor equation has it."""
-    n, size, length, moved = rates.n, rates.size, rates.length, rates.right
+    n, size, moved = rates.n, rates.size, rates.right
     for i in range(size):
-        after, own = m[u(rates.state + i * length + size)], i if i < n else n + i
+        after, own = m[x_at(rates, rates.state, i)], i if i < n else n + i
         m[u(moved + i)], x[own, 0] = after - x[own, 0], after
     for c in range(rates.cells):
         entry, i, j = cell_of(rates, at, c)

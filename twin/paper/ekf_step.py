@@ -93,6 +93,12 @@ class Rates(NamedTuple):
 
 
 @within
+def share_at(rates: Rates, q: int, i: int) -> np.uint64:
+    """The place of the share that reading q takes of number i of y."""
+    return u(rates.shares + q * rates.length + i)
+
+
+@within
 def term_of(rates: Rates, at: Index, t: int) -> tuple[int, int, int, int]:
     """Of a piece that an unknown factor multiplies: its law, the factor, and where in `slopes` its heat goes into a
     and comes out of b."""
@@ -385,15 +391,15 @@ def metered(rates: Rates, m: Floats, at: Index, j: int, x: Floats, q: int) -> fl
     n, heats, shares = rates.n, rates.heats, rates.shares + q * rates.length
     signs = rates.signs + j * rates.laws.total
     for i in range(rates.size):
-        m[u(shares + i)] = 0.0
+        m[share_at(rates, q, i)] = 0.0
     total: float = counted(rates.laws, m, at, n, rates.amounts, signs, shares)
     for k in range(heats):
-        m[u(shares + n + k)] = -m[u(rates.of_losses + j)]
+        m[share_at(rates, q, n + k)] = -m[u(rates.of_losses + j)]
         total += m[u(rates.of_losses + j)] * x[2 * n + k, 0]
     for t in range(rates.multiplied):
         g, p, _, _ = term_of(rates, at, t)
         value = psi_of(rates.laws, m, g)[0]
-        m[u(shares + n + heats + p)] -= m[u(signs + g)] * m[u(rates.terms + t)] * value
+        m[share_at(rates, q, n + heats + p)] -= m[u(signs + g)] * m[u(rates.terms + t)] * value
     return total
 
 
@@ -404,7 +410,7 @@ def reads(rates: Rates, m: Floats, at: Index, q: int, gain: int, stride: int) ->
     count, size, length, own = 0, rates.size, rates.length, gain + q * stride
     shares, taken = rates.shares + q * length, rates.taken + q * size
     for i in range(size):
-        if m[u(shares + i)] != 0.0:
+        if m[share_at(rates, q, i)] != 0.0:
             at[u(taken + count)] = paired(i * length, i)
             count += 1
     at[u(rates.number + q)] = count
@@ -413,5 +419,5 @@ def reads(rates: Rates, m: Floats, at: Index, q: int, gain: int, stride: int) ->
         total = 0.0
         for e in range(rates.taken + p * size, rates.taken + p * size + at[u(rates.number + p)]):
             i = at[u(e)] >> 32
-            total -= m[u(rates.shares + p * length + i // length)] * m[u(own + i // length)]
+            total -= m[share_at(rates, p, i // length)] * m[u(own + i // length)]
         m[u(gain + p * stride + length + q)] = m[u(own + length + p)] = total

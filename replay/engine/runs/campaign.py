@@ -14,7 +14,7 @@ from ingest.facts.events import ReplayCompleted, ReplayDiverged, SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.ledger import settled
 from ingest.facts.store import Store
-from ingest.units.each import Lost, Workers, each
+from ingest.units.each import Lost, Workers, each, told
 from ingest.units.shared import InProcess, Shared, share
 from replay.engine.files.models import model_of
 from replay.engine.runs.runs import Completed, replay
@@ -82,18 +82,11 @@ def replay_sessions(
             outcomes.append(Outcome(session, None, str(error)))
     order = {session.session: i for i, session in enumerate(sessions)}
     names = [sessions[order[job.session]].name for job in jobs]
-    _tell_next(tell, names, 0)
-    for number, (job, done) in enumerate(each(_work, jobs, workers), 1):
+    for job, done in told(each(_work, jobs, workers), "replaying", names, tell):
         session = sessions[order[job.session]]
         said = f"session {session.name}: {done.why}" if isinstance(done, Lost) else done
         outcomes.append(_append(store, facts, session, said, work))
-        _tell_next(tell, names, number)
     return sorted(outcomes, key=lambda outcome: order[outcome.session.session])
-
-
-def _tell_next(tell: Callable[[str], None], names: Sequence[str], done: int) -> None:
-    if done < len(names):
-        tell(f"replaying {done + 1} of {len(names)}: {names[done]}")
 
 
 def _work(job: Job) -> Completed | str:
