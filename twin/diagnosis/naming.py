@@ -12,9 +12,9 @@ had against a term goes. At its own place a term would only stand in for it.
 
 Where what is left is no larger than a lumped model's own error, evidence judges alone: a session left out is another
 kind of test, which any freer law helps. Where it is far above that, the file's form is wrong, and the same samples that
-make evidence do not make truth: there a term enters only where each session, predicted from the others, allows it and
-all together ask for it, and of several the one that they ask for most. Fewer than four sessions cannot say that; there
-the leading term is the only one.
+make evidence do not make truth: there a term enters only where sessions, each predicted from the others, are nearer
+with it and together ask for it, and of several the one with which they are nearest. Fewer than four sessions cannot say
+that; there the leading term is the only one.
 """
 
 from __future__ import annotations
