@@ -107,8 +107,9 @@ class Naming:
 
     @property
     def log_bf_instead(self) -> float:
-        """ln BF of a heat without a name in place of the terms: none where they stand beside it."""
-        return -math.inf if self.heat else self.log_bf_unknown
+        """ln BF of a heat without a name in place of the terms: none where they stand beside it, and no more than 0
+        where sessions left out judge, for a heat of any course predicts none of them."""
+        return -math.inf if self.heat else min(0.0, self.log_bf_unknown) if self.judged else self.log_bf_unknown
 
     @property
     def log_bf_unknown(self) -> float:

@@ -6,8 +6,8 @@ under its prior, plus a half-normal prior on the slow discrepancy. Patterson and
 10.1093/biomet/58.3.545.
 
 The search is expectation maximisation over the parameters (Dempster, Laird and Rubin 1977): given their posterior, each
-channel's variances have a likelihood of their own, of the residual at the mode and of what the parameters' spread does
-to it (a few orthogonal draws), which costs O(B).
+channel's two variances have a likelihood of their own, of the residual at the mode and of what the parameters' spread
+does to it (a few orthogonal draws), which costs O(B).
 """
 
 from __future__ import annotations
@@ -35,9 +35,6 @@ FIRST_PASS, SECOND_PASS = 2, 10  # steps of expectation maximisation
 CONVERGED = 0.01  # largest change of ln sd
 WRONG_IN_FORM = 2.0  # times the floor of the slow part: from there on a channel says that the model's form is wrong
 FORM_TAU_S = 60.0  # of the fast part of what a wrong form leaves
-TIMING_START_S = 3.0  # by which a model whose form is wrong is early or late
-TIMING_PRIOR_S = 10.0  # half-normal, on that
-TIMING_BOUNDS_S = (0.01, 60.0)
 
 
 @dataclass(frozen=True)
@@ -61,8 +58,6 @@ def reml(
 
     `precision` (p,): 1 / sd^2 of each parameter's prior. `rise_K`: channel -> its rise over the coolant [K], of which
     0.3 % is the least slow discrepancy. The two times are the same for all channels: the best pair of three and two.
-    Where what is left says that the model's form is wrong, every channel also has a time by which the model is early or
-    late: a lump answers a step of its load at once that a body answers little by little.
     Raises `EvidenceError` where columns and precision do not fit, are not finite, or a channel has no rise.
     """
     _check(observed, precision, rise_K)
@@ -77,11 +72,7 @@ def reml(
         }
         tried.append(_climb(observed, precision, start, floors, z, FIRST_PASS))
     best = max(tried, key=lambda noise: log_evidence(observed, precision, noise))
-    found = _climb(observed, precision, best, floors, z, SECOND_PASS)
-    if not says_wrong_form(found, rise_K):
-        return found
-    timed = {c: replace(n, timing_sd_s=TIMING_START_S) for c, n in found.items()}
-    return _climb(observed, precision, timed, floors, z, SECOND_PASS)
+    return _climb(observed, precision, best, floors, z, SECOND_PASS)
 
 
 def floor(rise_K: float) -> tuple[float, float]:
@@ -178,7 +169,7 @@ def log_evidence(observed: Every, precision: Array, noise: Noise) -> float:
     lower, right, square, log_r = _normal_equations(observed, precision, noise)
     fitted = solve_triangular(lower, right, lower=True)
     log_parameters = 2 * np.log(np.diag(lower)).sum() - np.log(precision).sum()
-    log_prior = -sum((n.ou_sd / OU_PRIOR_K) ** 2 + (n.timing_sd_s / TIMING_PRIOR_S) ** 2 for n in noise.values()) / 2
+    log_prior = -sum((n.ou_sd / OU_PRIOR_K) ** 2 for n in noise.values()) / 2
     return float(log_prior) - 0.5 * float(log_r + log_parameters + square - fitted @ fitted)
 
 
@@ -193,23 +184,16 @@ def _posterior_columns(observed: Every, precision: Array, noise: Noise, z: Array
 def _channel_noise(
     observed: Every, columns: Sequence[Array], channel: str, start: ChannelNoise, floor: tuple[float, float]
 ) -> ChannelNoise:
-    """The standard deviations that maximise the channel's expected likelihood; the one of its timing, if it has one."""
+    """The two standard deviations that maximise the channel's expected likelihood."""
     own = [(o.series, x) for o, x in zip(observed, columns, strict=True) if o.series.channel == channel]
-    packed = [(s.t_s, s.white_variance, s.rate**2, np.ascontiguousarray(x)) for s, x in own]
-    sd = [start.ar_sd, start.ou_sd]
-    bounds = [(np.log(least), np.log(max(BOUNDS_K[1], 2 * least))) for least in floor]
-    if start.timing_sd_s:
-        sd, bounds = [*sd, start.timing_sd_s], [*bounds, (np.log(TIMING_BOUNDS_S[0]), np.log(TIMING_BOUNDS_S[1]))]
+    packed = [(s.t_s, s.white_variance, np.ascontiguousarray(x)) for s, x in own]
 
     def cost(ln_sd: Array) -> float:
-        v_a, v_o, v_t = np.append(np.exp(2 * ln_sd), 0.0)[:3]
-        total = sum(
-            deviance(t, white + v_t * rate2, x, v_a, start.ar_tau_s, v_o, start.ou_tau_s)
-            for t, white, rate2, x in packed
-        )
-        return float(total + v_o / OU_PRIOR_K**2 + v_t / TIMING_PRIOR_S**2) / 2
+        v_a, v_o = np.exp(2 * ln_sd)
+        total = sum(deviance(t, white, x, v_a, start.ar_tau_s, v_o, start.ou_tau_s) for t, white, x in packed)
+        return float(total + v_o / OU_PRIOR_K**2) / 2
 
-    found = minimize(cost, np.log(sd), method="L-BFGS-B", bounds=bounds)
-    ar_sd, ou_sd, timing_sd_s = np.append(np.exp(found.x), 0.0)[:3]
-    floored = replace(start, ar_sd=float(max(ar_sd, floor[0])), ou_sd=float(max(ou_sd, floor[1])))
-    return replace(floored, timing_sd_s=float(timing_sd_s))
+    bounds = [(np.log(least), np.log(max(BOUNDS_K[1], 2 * least))) for least in floor]
+    found = minimize(cost, np.log([start.ar_sd, start.ou_sd]), method="L-BFGS-B", bounds=bounds)
+    ar_sd, ou_sd = np.exp(found.x)
+    return replace(start, ar_sd=float(max(ar_sd, floor[0])), ou_sd=float(max(ou_sd, floor[1])))

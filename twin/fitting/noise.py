@@ -2,12 +2,11 @@
 
 The covariance of the block means of one channel in one session is
 
-    R[i, j] = ((noise^2 + resolution^2 / 12) / m_i + (timing_sd r_i)^2) [i = j]
+    R[i, j] = (noise^2 + resolution^2 / 12) / m_i [i = j]
               + ar_sd^2 exp(-|t_i - t_j| / ar_tau) + ou_sd^2 exp(-|t_i - t_j| / ou_tau),
 
-m samples a block and r its rate of change: white noise, which grows where the reading moves and the model is early or
-late; an autoregression of about a minute; and a slow Ornstein-Uhlenbeck discrepancy. Sessions and channels are
-independent. Its Kalman filter (white as measurement noise, the other two as states) turns a column
+m samples a block: white noise, an autoregression of about a minute, and a slow Ornstein-Uhlenbeck discrepancy. Sessions
+and channels are independent. Its Kalman filter (white as measurement noise, the other two as states) turns a column
 into innovations divided by their standard deviations, `W x` with `W' W = R^-1`; a gap is a longer step. It costs O(B) a
 column. Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), B.2; Harvey, Forecasting, Structural
 Time Series Models and the Kalman Filter (1989), 3.4.
@@ -31,8 +30,7 @@ class Series:
     """Block means of one channel in one session; blocks with under half of their samples are not there.
 
     `t_s` (B,) [s] the blocks' centres, rising; `y` (B,) [K or degC]; `samples` (B,) how many each block holds;
-    `white_sd` and `resolution` [K] of one sample; whether it was `measured` or is supposed (`twin.fitting.supposed`);
-    `rate` (B,) [K/s] how fast the measured value changes.
+    `white_sd` and `resolution` [K] of one sample; whether it was `measured` or is supposed (`twin.fitting.supposed`).
     """
 
     session: int
@@ -43,7 +41,6 @@ class Series:
     white_sd: float
     resolution: float
     measured: bool = True
-    rate: Array | float = 0.0
 
     @property
     def white_variance(self) -> Array:
@@ -54,14 +51,12 @@ class Series:
 
 @dataclass(frozen=True)
 class ChannelNoise:
-    """Standard deviations [K] and times [s] of the autoregression and of the slow Ornstein-Uhlenbeck discrepancy; and
-    by how much a model whose form is wrong is early or late, block by block (`timing_sd_s`)."""
+    """Standard deviations [K] and times [s] of the autoregression and of the slow Ornstein-Uhlenbeck discrepancy."""
 
     ar_sd: float
     ar_tau_s: float
     ou_sd: float
     ou_tau_s: float
-    timing_sd_s: float = 0.0
 
 
 def whiten(series: Series, noise: ChannelNoise, columns: Array) -> Array:
@@ -110,8 +105,7 @@ def _called(series: Series) -> str:
 def _checked_gains(series: Series, noise: ChannelNoise) -> Array:
     if not (np.diff(series.t_s) > 0).all():
         raise EvidenceError(f"{_called(series)}: block times do not rise: sort the blocks and keep each once")
-    white = series.white_variance + (noise.timing_sd_s * series.rate) ** 2
-    gains: Array = filter_gains(series.t_s, white, *_variances(noise))
+    gains: Array = filter_gains(series.t_s, series.white_variance, *_variances(noise))
     if not (gains[:, 4] > 0).all():
         raise EvidenceError(f"{_called(series)}: its noise has no variance: give it a white noise or a resolution")
     return gains

@@ -40,7 +40,6 @@ class Sensing:
         self.times_s = [cut.times_s(step_s) for cut in self.blocks]
         self.weights = [circuit.weights(channel.sensor) for channel in channels]
         self.measured = [b.measured(c.measured) for b, c in zip(self.blocks, sensors, strict=True)]
-        self.rates = [_rate(*one) for one in zip(self.times_s, self.measured, strict=True)]
         self.metering = Metering(circuit, self.blocks[len(channels) :])
         self._own: list[dict[type, list[tuple[int, Action]]]] = [{} for _ in self.blocks]
         for p, action in circuit.active:
@@ -85,11 +84,6 @@ class Sensing:
     def late_by(self, action: actions.Late) -> Floats:
         """Lateness (N + 1,) [s] for each unit of the parameter."""
         return self.circuit.edges_s * 1e-6 if action.drifts else np.ones(self.circuit.steps + 1)
-
-
-def _rate(t_s: Floats, y: Floats) -> Floats:
-    """(B,) [1/s] how fast block means change, from the one before to the one behind."""
-    return np.gradient(y, t_s) if len(y) > 1 else np.zeros(len(y))
 
 
 class Readings:
@@ -171,7 +165,6 @@ class Readings:
             white_sd=self.channel.sensor.noise,
             resolution=self.channel.sensor.resolution,
             measured=self.k < len(self.sensing.test.channels),
-            rate=self.sensing.rates[self.k],
         )
 
     def columns(self, wanted: Sequence[tuple[int, Action]]) -> Iterator[tuple[int, Floats]]:

@@ -84,7 +84,8 @@ def named(naming: Naming, refit: Refit, train: Sequence[SessionRecorded], kept: 
     effect_K, node, test, t_s = _largest_effect(final, place)
     first = entered(naming, refit.candidate)
     apart = told_apart(first, refit.candidate, naming.log_bf_instead)
-    others = [member.candidate for member in apart.others]
+    let_in = [one.candidate for one in naming.accepted]
+    others = [member.candidate for member in apart.others if member.candidate not in let_in]
     improved = kept is not None and kept.improved and not refit.candidate.repeated
     why = kept.why if kept else "no session was kept: say --hold-out"
     if refit.candidate.repeated:
