@@ -13,8 +13,9 @@ had against a term goes. At its own place a term would only stand in for it.
 Where what is left is no larger than a lumped model's own error, evidence judges alone: a session left out is another
 kind of test, which any freer law helps. Where it is far above that, the file's form is wrong, and the same samples that
 make evidence do not make truth: there a term enters only where sessions, each predicted from the others, are nearer
-with it and together ask for it, and of several the one with which they are nearest. Fewer than four sessions cannot say
-that; there the leading term is the only one.
+with it by more than the standard error of that, and together ask for it; of several the one with which they are
+nearest. The search ends where nothing more holds: the same sessions asked again and again wear out, and a gain within
+their scatter is what is left of them. Fewer than four sessions cannot say that; there the leading term is the only one.
 """
 
 from __future__ import annotations

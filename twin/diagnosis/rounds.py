@@ -122,10 +122,11 @@ class Round:
         return refit.left_out is not None and self.against(refit) is None
 
     def against(self, refit: Refit) -> Against | None:
-        """What sessions left out have against a refit that evidence would let in: they are no nearer with it, or
-        together they ask for it by less than evidence must. None where they let it in."""
-        assert self.left_out is not None, "sessions left out do not judge"
-        if not refit.left_out_K < self.left_out.mean_K():
+        """What sessions left out have against a refit that evidence would let in: they are not nearer with it by more
+        than the standard error of that, or together they ask for it by less than evidence must. None where they let it
+        in."""
+        assert self.left_out is not None and refit.left_out is not None, "sessions left out do not judge this refit"
+        if self.left_out.is_as_near_as(refit.left_out):
             return Against.NO_NEARER
         return None if self.gained(refit).sum() > EVIDENT else Against.TOO_LITTLE
 

@@ -66,8 +66,7 @@ def _refitted(found: Round) -> tuple[Floats, Floats, NDArray[np.bool_]]:
 def _as_near(found: Round, leader: int) -> tuple[tuple[int, ...], Floats]:
     """Where sessions left out judge: the candidates with which these are as near as with the leader, within one
     standard error of the difference over the sessions, the leader first; and what each is worth (m,): what sessions
-    left out ask for it, no more than its ln BF and than the leader's, and nothing for all others (one standard error:
-    L. Breiman, J. Friedman, R. Olshen, C. Stone, Classification and Regression Trees, 1984, 3.4.3)."""
+    left out ask for it, no more than its ln BF and than the leader's, and nothing for all others."""
     worth = np.zeros(len(found.candidates))
     holding = {found.candidates.index(r.candidate): r for r in found.refits if r.possible and found.holds(r)}
     ahead = holding.pop(leader)

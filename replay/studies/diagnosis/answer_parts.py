@@ -236,7 +236,7 @@ def _said_by_sessions(one: Round, refit: Refit) -> str:
         case Against.NO_NEARER:
             errors = f"{one.left_out.mean_K():.2f} -> {refit.left_out_K:.2f} K"
             ruler = ", against readings as recorded" * isinstance(refit.parameter.action, Misreading)
-            return f"sessions left out are no nearer with it ({errors}{ruler})"
+            return f"sessions left out are not clearly nearer with it ({errors}{ruler})"
         case Against.TOO_LITTLE:
             said = float(one.gained(refit).sum())
             return f"sessions left out ask for it by {said:.1f} in ln density, and {EVIDENT:.0f} is needed"

@@ -120,6 +120,9 @@ def test_too_little_asked_for_or_a_larger_error_keeps_a_term_out(said: Round) ->
     spoilt[2] -= said.gained(best).sum() - rounds.EVIDENT + 0.1
     against = replace(best, left_out=replace(best.left_out, log_scores=spoilt))
     assert 0 < said.gained(against).sum() < rounds.EVIDENT and not said.holds(against)
+    within = {c: e - 0.1 * np.array([1, -1, 1, -0.9]) for c, e in said.left_out.errors_K.items()}
+    hardly = replace(best, left_out=replace(best.left_out, errors_K=within))
+    assert hardly.left_out_K < said.left_out.mean_K() and said.against(hardly) is rounds.Against.NO_NEARER
     further = {channel: errors + 5.0 for channel, errors in best.left_out.errors_K.items()}
     assert not said.holds(replace(best, left_out=replace(best.left_out, errors_K=further)))
     assert not said.holds(replace(best, left_out=None)), "evidence did not let it in"

@@ -31,10 +31,10 @@ LET_IN = refit([4.0, 4.0, 4.0, 4.0], 0.5)
 @pytest.mark.parametrize(
     ("other", "why"),
     [
-        (refit([5.0, 5.0, 5.0, 5.0], 1.1), "sessions left out are no nearer with it (1.00 -> 1.10 K)"),
+        (refit([5.0, 5.0, 5.0, 5.0], 1.1), "sessions left out are not clearly nearer with it (1.00 -> 1.10 K)"),
         (
             refit([5.0, 5.0, 5.0, 5.0], 1.1, GAIN),
-            "sessions left out are no nearer with it (1.00 -> 1.10 K, against readings as recorded)",
+            "sessions left out are not clearly nearer with it (1.00 -> 1.10 K, against readings as recorded)",
         ),
         (
             refit([9.0, 9.0, 9.0, -3.5], 0.7),
