@@ -51,6 +51,13 @@ class LeftOut:
         errors = list(self.by_channel_K().values())
         return float(np.mean(errors)) if errors else math.inf
 
+    def is_as_near_as(self, other: LeftOut) -> bool:
+        """Whether sessions are no farther off than with `other`, but for one standard error of that over them (L.
+        Breiman, J. Friedman, R. Olshen, C. Stone, Classification and Regression Trees, 1984, 3.4.3)."""
+        farther = self.by_session_K() - other.by_session_K()
+        known = farther[np.isfinite(farther)]
+        return known.size < 2 or float(known.mean()) <= float(known.std(ddof=1)) / math.sqrt(known.size)
+
     def gained(self, before: LeftOut) -> Floats:
         """(s,) ln density that each session gained over `before`; nothing where the model ran away before."""
         known = np.isfinite(before.log_scores)

@@ -12,9 +12,10 @@ had against a term goes. At its own place a term would only stand in for it.
 
 Where what is left is no larger than a lumped model's own error, evidence judges alone: a session left out is another
 kind of test, which any freer law helps. Where it is far above that, the file's form is wrong, and the same samples that
-make evidence do not make truth: there a term enters only where each session, predicted from the others, allows it and
-all together ask for it, and of several the one that they ask for most. Fewer than four sessions cannot say that; there
-the leading term is the only one.
+make evidence do not make truth: there a term enters only where sessions, each predicted from the others, are nearer
+with it by more than the standard error of that, and together ask for it; of several the one with which they are
+nearest. The search ends where nothing more holds: the same sessions asked again and again wear out, and a gain within
+their scatter is what is left of them. Fewer than four sessions cannot say that; there the leading term is the only one.
 """
 
 from __future__ import annotations
@@ -107,8 +108,9 @@ class Naming:
 
     @property
     def log_bf_instead(self) -> float:
-        """ln BF of a heat without a name in place of the terms: none where they stand beside it."""
-        return -math.inf if self.heat else self.log_bf_unknown
+        """ln BF of a heat without a name in place of the terms: none where they stand beside it, and no more than 0
+        where sessions left out judge, for a heat of any course predicts none of them."""
+        return -math.inf if self.heat else min(0.0, self.log_bf_unknown) if self.judged else self.log_bf_unknown
 
     @property
     def log_bf_unknown(self) -> float:

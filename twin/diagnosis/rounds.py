@@ -13,7 +13,7 @@ from enum import Enum, auto
 import numpy as np
 from scipy.special import log_ndtr
 
-from twin.diagnosis.evidence import TOLD_APART, Projector, Scores, null_quantile, score
+from twin.diagnosis.evidence import Projector, Scores, null_quantile, score
 from twin.diagnosis.evidence_split import EvidenceSplit, split
 from twin.diagnosis.left_out import LeftOut, left_out
 from twin.diagnosis.posterior_mode import linearised, stacked
@@ -68,6 +68,12 @@ class Refit:
         return self.fit.converged or self.fit.linearisations >= REFIT_LINEARISATIONS
 
     @property
+    def left_out_K(self) -> float:
+        """Mean error of sessions left out, where these judge."""
+        assert self.left_out is not None, "sessions left out do not judge this refit"
+        return self.left_out.mean_K()
+
+    @property
     def promised(self) -> float:
         """ln BF, plus what a search that is not over may still gain by its quadratic model."""
         return self.log_bayes_factor + (0.0 if self.ended else self.fit.left)
@@ -76,7 +82,6 @@ class Refit:
 class Against(Enum):
     """What sessions left out have against a term."""
 
-    ONE = auto()
     NO_NEARER = auto()
     TOO_LITTLE = auto()
 
@@ -100,11 +105,12 @@ class Round:
 
     @property
     def best(self) -> Refit | None:
-        """The best of the refits that are possible: by evidence, or of those that hold by sessions left out."""
+        """The best of the refits that are possible: by evidence, or of those that hold by sessions left out the one
+        with which these are nearest."""
         possible = [r for r in self.refits if r.possible]
         if self.left_out is None:
             return max(possible, key=lambda r: r.log_bayes_factor, default=None)
-        return max(filter(self.holds, possible), key=lambda r: float(self.gained(r).sum()), default=None)
+        return min(filter(self.holds, possible), key=lambda r: r.left_out_K, default=None)
 
     def gained(self, refit: Refit) -> Floats:
         """(s,) by how much ln density each session left out gains by a refit that evidence would let in."""
@@ -116,15 +122,13 @@ class Round:
         return refit.left_out is not None and self.against(refit) is None
 
     def against(self, refit: Refit) -> Against | None:
-        """What sessions left out have against a refit that evidence would let in: one of them speaks against it, they
-        are no nearer with it, or together they ask for it by less than evidence must. None where they let it in."""
+        """What sessions left out have against a refit that evidence would let in: they are not nearer with it by more
+        than the standard error of that, or together they ask for it by less than evidence must. None where they let it
+        in."""
         assert self.left_out is not None and refit.left_out is not None, "sessions left out do not judge this refit"
-        said = self.gained(refit)
-        if not said.min() > -TOLD_APART:
-            return Against.ONE
-        if not refit.left_out.mean_K() < self.left_out.mean_K():
+        if self.left_out.is_as_near_as(refit.left_out):
             return Against.NO_NEARER
-        return None if said.sum() > EVIDENT else Against.TOO_LITTLE
+        return None if self.gained(refit).sum() > EVIDENT else Against.TOO_LITTLE
 
     def forget(self) -> None:
         """Let the columns of all fits but the best go: nothing follows from those."""

@@ -39,29 +39,46 @@ class ToldApart:
 
 def told_apart(found: Round, leader: Candidate, log_bf_unknown: float) -> ToldApart:
     """The class that a round's candidate leads; `log_bf_unknown`: ln BF of the best free heat at the same fit."""
-    log_bf, amplitude, refitted = _refitted(found)
     at = found.candidates.index(leader)
-    expected = separation(amplitude, found.gram)[at]
-    members = told_apart_class(at, log_bf, expected, refitted, _possible(found, amplitude))
+    if found.left_out is None:
+        log_bf, amplitude, refitted = _refitted(found)
+        expected = separation(amplitude, found.gram)[at]
+        members = told_apart_class(at, log_bf, expected, refitted, _possible(found, amplitude))
+    else:
+        members, log_bf = _as_near(found, at)
     found_posterior = posterior(log_bf, prior_masses([c.cause for c in found.candidates]), log_bf_unknown)
     one = {i: Member(found.candidates[i], float(log_bf[i]), found_posterior.of_member(i, members)) for i in members}
     return ToldApart(found_posterior.of_class(members), one[at], tuple(one[i] for i in members if i != at))
 
 
 def _refitted(found: Round) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-    """ln BF and amplitude of every candidate, of its refit where it has one, and whether it has. Where sessions left
-    out judge, a refit is worth no more than they ask for it, and nothing where they do not."""
+    """ln BF and amplitude of every candidate, of its refit where it has one, and whether it has."""
     log_bf, amplitude = found.scores.log_bayes_factor.copy(), found.scores.amplitude.copy()
     refitted = np.zeros(len(log_bf), dtype=np.bool_)
     for refit in found.refits:
         i = found.candidates.index(refit.candidate)
         log_bf[i], amplitude[i], refitted[i] = refit.log_bayes_factor, refit.amplitude, True
-        if refit.left_out is not None:
-            asked = float(found.gained(refit).sum()) if found.holds(refit) else 0.0
-            log_bf[i] = min(asked, refit.log_bayes_factor)
         if not refit.possible:
             log_bf[i] = min(0.0, refit.log_bayes_factor)  # it fits, and is not what its name says
     return log_bf, amplitude, refitted
+
+
+def _as_near(found: Round, leader: int) -> tuple[tuple[int, ...], Floats]:
+    """Where sessions left out judge: the candidates with which these are as near as with the leader, within one
+    standard error of the difference over the sessions, the leader first; and what each is worth (m,): what sessions
+    left out ask for it, no more than its ln BF and than the leader's, and nothing for all others."""
+    worth = np.zeros(len(found.candidates))
+    holding = {found.candidates.index(r.candidate): r for r in found.refits if r.possible and found.holds(r)}
+    ahead = holding.pop(leader)
+    assert ahead.left_out is not None, "it was let in"
+    worth[leader] = min(float(found.gained(ahead).sum()), ahead.log_bayes_factor)
+    near = [leader]
+    for i, refit in sorted(holding.items(), key=lambda one: one[1].left_out_K):
+        assert refit.left_out is not None, "this one holds"
+        if refit.left_out.is_as_near_as(ahead.left_out):
+            near.append(i)
+            worth[i] = min(float(found.gained(refit).sum()), refit.log_bayes_factor, worth[leader])
+    return tuple(near), worth
 
 
 def _possible(found: Round, amplitude: Floats) -> NDArray[np.bool_]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 from replay.show.reports.verdict import figures
 from replay.show.words import words
@@ -27,6 +27,15 @@ def told(diagnosis: Diagnosis) -> Iterator[str]:
     kept = any(step.kept_mae_K for step in diagnosis.chain)
     yield f"mean error over the nodes of each session predicted from the others{', then of kept sessions' * kept}"
     yield from (line(step) for step in diagnosis.chain)
+    yield from _nearest([step for step in diagnosis.chain if step.kept_mae_K])
+
+
+def _nearest(opened: Sequence[ChainStep]) -> Iterator[str]:
+    """Where the errors of kept sessions stop falling, if that is before the last step."""
+    nearest = min(opened, key=lambda step: mean_K(step.kept_mae_K), default=None)
+    if nearest is not None and nearest is not opened[-1]:
+        alone = f"; --steps {nearest.step} of whyhot accept takes no more than that" * (nearest.step > 0)
+        yield f"nearest to the kept sessions: {called(nearest)}, {mean_K(nearest.kept_mae_K):.2f} K{alone}"
 
 
 def line(step: ChainStep) -> str:

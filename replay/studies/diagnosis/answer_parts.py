@@ -84,7 +84,8 @@ def named(naming: Naming, refit: Refit, train: Sequence[SessionRecorded], kept: 
     effect_K, node, test, t_s = _largest_effect(final, place)
     first = entered(naming, refit.candidate)
     apart = told_apart(first, refit.candidate, naming.log_bf_instead)
-    others = [member.candidate for member in apart.others]
+    let_in = [one.candidate for one in naming.accepted]
+    others = [member.candidate for member in apart.others if member.candidate not in let_in]
     improved = kept is not None and kept.improved and not refit.candidate.repeated
     why = kept.why if kept else "no session was kept: say --hold-out"
     if refit.candidate.repeated:
@@ -230,21 +231,19 @@ def _why_not(naming: Naming, one: Round, refit: Refit) -> str:
 
 def _said_by_sessions(one: Round, refit: Refit) -> str:
     """Why sessions left out did not let a candidate in."""
-    assert one.left_out is not None and refit.left_out is not None, "sessions left out judged it"
-    said = one.gained(refit)
+    assert one.left_out is not None, "sessions left out judged it"
     match one.against(refit):
-        case Against.ONE:
-            return f"a session left out speaks against it, by {-said.min():.1f} in ln density"
         case Against.NO_NEARER:
-            errors = f"{one.left_out.mean_K():.2f} -> {refit.left_out.mean_K():.2f} K"
+            errors = f"{one.left_out.mean_K():.2f} -> {refit.left_out_K:.2f} K"
             ruler = ", against readings as recorded" * isinstance(refit.parameter.action, Misreading)
-            return f"sessions left out are no nearer with it ({errors}{ruler})"
+            return f"sessions left out are not clearly nearer with it ({errors}{ruler})"
         case Against.TOO_LITTLE:
-            return f"sessions left out ask for it by {said.sum():.1f} in ln density, and {EVIDENT:.0f} is needed"
+            said = float(one.gained(refit).sum())
+            return f"sessions left out ask for it by {said:.1f} in ln density, and {EVIDENT:.0f} is needed"
         case None:
             assert one.best is not None, "this one holds"
-            ahead = one.gained(one.best).sum() - said.sum()
-            return f"sessions left out ask for it less than for the one that was let in, by {ahead:.1f} in ln density"
+            errors = f"{one.best.left_out_K:.2f} and {refit.left_out_K:.2f} K"
+            return f"sessions left out are nearer with the one that was let in ({errors})"
         case other:
             assert_never(other)
 

@@ -108,7 +108,8 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
     causes = [named(naming, refit, question.train, kept) for refit in naming.accepted]
     causes += [named_swap(swap, kept) for swap in swaps]
     causes += [named_fault(fault, kept) for fault in faults]
-    causes.sort(key=lambda cause: -cause.log_bayes_factor)
+    if not naming.judged:  # else they stand in the order of the chain
+        causes.sort(key=lambda cause: -cause.log_bayes_factor)
     recalibrated = None if kept and calibration_is_worse(kept.gain) else files.files.get("before")
     extended = files.files.get("after")
     last = naming.rounds[-1]

@@ -113,16 +113,28 @@ def test_sessions_left_out_ask_for_what_is_there(said: Round) -> None:
     assert best.left_out.mean_K() < said.left_out.mean_K()
 
 
-def test_one_session_against_it_or_a_larger_error_keeps_a_term_out(said: Round) -> None:
+def test_too_little_asked_for_or_a_larger_error_keeps_a_term_out(said: Round) -> None:
     best = said.best
     assert best is not None and best.left_out is not None and said.left_out is not None
     spoilt = best.left_out.log_scores.copy()
-    spoilt[2] = said.left_out.log_scores[2] - 3.1  # ln 20 is 3.0
+    spoilt[2] -= said.gained(best).sum() - rounds.EVIDENT + 0.1
     against = replace(best, left_out=replace(best.left_out, log_scores=spoilt))
-    assert said.gained(against).sum() > rounds.EVIDENT and not said.holds(against)
+    assert 0 < said.gained(against).sum() < rounds.EVIDENT and not said.holds(against)
+    within = {c: e - 0.1 * np.array([1, -1, 1, -0.9]) for c, e in said.left_out.errors_K.items()}
+    hardly = replace(best, left_out=replace(best.left_out, errors_K=within))
+    assert hardly.left_out_K < said.left_out.mean_K() and said.against(hardly) is rounds.Against.NO_NEARER
     further = {channel: errors + 5.0 for channel, errors in best.left_out.errors_K.items()}
     assert not said.holds(replace(best, left_out=replace(best.left_out, errors_K=further)))
     assert not said.holds(replace(best, left_out=None)), "evidence did not let it in"
+
+
+def test_of_those_that_hold_the_one_with_which_sessions_left_out_are_nearest_is_let_in(said: Round) -> None:
+    best = said.best
+    assert best is not None and best.left_out is not None
+    nearer = {channel: errors - 0.01 for channel, errors in best.left_out.errors_K.items()}
+    less_asked = replace(best, left_out=LeftOut(best.left_out.log_scores - 0.5, nearer))
+    both = replace(said, refits=(best, less_asked))
+    assert both.holds(less_asked) and both.best is less_asked
 
 
 def test_errors_of_what_a_sensor_is_said_to_get_wrong_are_of_its_readings_as_recorded(found: Fit) -> None:

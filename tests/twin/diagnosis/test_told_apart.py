@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from made import motor as made
 from twin.diagnosis.evidence import Scores, log_bayes_factor, posterior, prior_masses
+from twin.diagnosis.left_out import LeftOut
 from twin.diagnosis.next_tests import as_test, menu
 from twin.diagnosis.posterior_mode import stacked
 from twin.diagnosis.rounds import Refit, Round
@@ -81,6 +82,23 @@ def test_refitted_evidence_replaces_the_linear_one() -> None:
 def test_an_amplitude_outside_its_physical_range_is_no_member(amplitude: float, sign: int, there: bool) -> None:
     found = _round([20.0, 19.9, 1.0, 1.0], ALIKE, {0: (40.0, 2.0), 1: (39.0, amplitude)}, sign=(0, sign, 0, 0))
     assert (len(told_apart(found, found.candidates[0], -1.0).others) == 1) is there
+
+
+def test_where_sessions_left_out_judge_what_is_as_near_is_not_told_apart_whatever_its_evidence() -> None:
+    before = LeftOut(np.zeros(4), {"T": np.full(4, 2.0)})
+    said = {
+        0: LeftOut(np.full(4, 3.0), {"T": np.array([1.0, 1.2, 1.1, 0.9])}),  # let in: the nearest
+        1: LeftOut(np.full(4, 9.0), {"T": np.array([0.9, 1.4, 1.2, 0.9])}),  # 0.05 K farther, give or take 0.07
+        2: LeftOut(np.full(4, 9.0), {"T": np.array([1.3, 1.5, 1.5, 1.2])}),  # 0.325 K farther, in every one
+    }
+    plain = _round([20.0, 19.9, 30.0, 1.0], ALIKE, {0: (15.0, 2.0), 1: (40.0, 2.0), 2: (60.0, 2.0)})
+    refits = tuple(replace(r, left_out=said[i]) for i, r in enumerate(plain.refits))
+    found = replace(plain, refits=refits, left_out=before)
+    assert found.best is refits[0]
+    answer = told_apart(found, found.candidates[0], 0.0)
+    assert [str(m.candidate.cause) for m in answer.others] == [CAUSES[1]]
+    assert answer.leader.log_bayes_factor == answer.others[0].log_bayes_factor == 12.0, "what sessions ask for"
+    assert answer.probability > 0.99
 
 
 def test_probabilities_are_those_of_the_posterior_with_the_unknown_in_it() -> None:

@@ -503,6 +503,19 @@ def test_several_terms_are_told_step_by_step() -> None:
     assert "Step by step" not in diagnosis_text(replace(SEVERAL, causes=[])), "nothing was let in"
 
 
+def test_where_kept_errors_stop_falling_is_said() -> None:
+    assert "nearest to the kept sessions" not in diagnosis_text(SEVERAL), "they fall to the last step"
+    worse = replace(SEVERAL.chain[-1], kept_mae_K={"magnet": 30.0})
+    told = flat(diagnosis_text(replace(SEVERAL, chain=[*SEVERAL.chain[:-1], worse])))
+    before = SEVERAL.chain[-2]
+    assert f"nearest to the kept sessions: 1 {before.id}, " in told
+    assert "; --steps 1 of whyhot accept takes no more than that" in told
+    falling = [replace(one, kept_mae_K={"magnet": 1.0 + one.step}) for one in SEVERAL.chain]
+    assert "nearest to the kept sessions: as published, 0.00 K Gain" in flat(
+        diagnosis_text(replace(SEVERAL, chain=falling))
+    )
+
+
 @pytest.mark.parametrize("judge", ["sessions left out", "few sessions"])
 def test_what_let_terms_in_is_said_where_it_was_not_evidence_alone(judge: str) -> None:
     told = flat(diagnosis_text(replace(SEVERAL, causes=[EDDY], chain=SEVERAL.chain[:3], judged_by=judge)))
