@@ -90,8 +90,7 @@ def build(store: Store, target: Path, source: Mapping[str, str]) -> None:
         _sweep(target.parent, BUILDING)
         with tempfile.TemporaryDirectory(prefix=BUILDING, dir=target.parent) as folder:
             made = Path(folder) / target.name
-            with duckdb.connect(str(made), config={"default_block_size": BLOCK}) as connection:
-                connection.execute(f"SET memory_limit = '{MEMORY}'")
+            with _database(str(made), default_block_size=BLOCK, memory_limit=MEMORY) as connection:
                 fill(connection, rows, source, store.bucket, target.parent / partitions.FOLDER)
                 connection.execute("CHECKPOINT")  # what fails only when it is closed, DuckDB does not say
             made.replace(target)
@@ -216,6 +215,13 @@ def _digest(connection: duckdb.DuckDBPyConnection, table: str) -> str:
     return f"{count}-{total:x}"
 
 
+def _database(path: str, **settings: str) -> duckdb.DuckDBPyConnection:
+    """A database that prints no progress among what a verb answers."""
+    connection = duckdb.connect(path, config=dict(settings))
+    connection.execute("SET enable_progress_bar = false")
+    return connection
+
+
 def _sweep(folder: Path, begins: str) -> None:
     """Remove what was left behind in `folder` by builds or questions that were killed: folders in which nothing was
     written for an hour. (Builds lie not in `tmp/`, which a writer empties under a reader's feet.)"""
@@ -229,7 +235,7 @@ def _in_memory(store: Store, as_of: str | None) -> Warehouse:
     recorded = store.ledger.events(as_of=as_of)
     facts = fold(recorded)
     with contextlib.ExitStack() as unless_done:
-        connection = unless_done.enter_context(duckdb.connect(":memory:"))
+        connection = unless_done.enter_context(_database(":memory:"))
         fill(connection, tables.rows(store, facts, recorded), bucket=store.bucket)
         confine(connection)
         unless_done.pop_all()
@@ -247,7 +253,7 @@ def _open(store: Store, path: Path, source: Mapping[str, str] | None = None) -> 
         raise _Broken("another program wrote to it")
     try:
         with contextlib.ExitStack() as unless_done:
-            connection = unless_done.enter_context(duckdb.connect(":memory:"))
+            connection = unless_done.enter_context(_database(":memory:"))
             if store.bucket:
                 reach(connection, store.bucket)
             connection.execute(f"ATTACH {scans.text(str(path))} AS warehouse (READ_ONLY)")
