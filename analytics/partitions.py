@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import duckdb
 
 FOLDER = "warehouse"
-RECORDS = 10_000_000  # of logs that are read at once: some 100 bytes of memory each
+RECORDS = 4_000_000  # of logs that are read at once: some 100 bytes of memory each
 ROWS = """
 SELECT m.session, s.name AS session_name, s.kind, s.specimen, s.batch, s.absolute, s.start_ns, m.* EXCLUDE (session)
 FROM base.{holds} AS m

@@ -84,8 +84,7 @@ def build(store: Store, target: Path, source: Mapping[str, str]) -> None:
     `source`: what it depends on, taken before the facts, so that an event that comes meanwhile makes the next one
     stale. Raises WarehouseError where a Parquet file is missing or damaged, or the folder cannot be written.
     """
-    recorded = store.ledger.events()
-    rows = tables.rows(store, fold(recorded), recorded)
+    rows = _rows(store)
     try:
         _sweep(target.parent, BUILDING)
         with tempfile.TemporaryDirectory(prefix=BUILDING, dir=target.parent) as folder:
@@ -143,25 +142,29 @@ def connect(folder: str | Path, as_of: str | None = None) -> duckdb.DuckDBPyConn
 
 def fill(
     connection: duckdb.DuckDBPyConnection,
-    rows: Mapping[str, tables.Rows],
+    rows: dict[str, tables.Rows],
     source: Mapping[str, str] | None = None,
     bucket: Bucket | None = None,
     kept: Path | None = None,
 ) -> None:
-    """Make all tables, views and macros in an empty database, from the rows of `analytics.tables`. `bucket`: where the
-    Parquet files lie that they name; `kept`: a folder in which what is read from logs is kept (`analytics.partitions`),
-    by the `source` that says which code read it."""
+    """Make all tables, views and macros in an empty database, from the rows of `analytics.tables`, which are taken out
+    of `rows`: the facts behind them take no memory while logs are read. `bucket`: where the Parquet files lie that they
+    name; `kept`: a folder in which what is read from logs is kept (`analytics.partitions`), by the `source` that says
+    which code read it."""
     if bucket:
         reach(connection, bucket)
     connection.begin()  # one transaction: a commit for each statement takes ten times as long
     connection.execute(scans.statement("tables"))
     built_from = [{"what": what, "value": value} for what, value in (source or {}).items()]
-    for table, content in {**rows, "built_from": built_from}.items():
+    rows["built_from"] = built_from
+    while rows:
+        table, content = rows.popitem()
         left = iter(content)
         while some := list(islice(left, AT_ONCE)):
             connection.register("new_rows", pa.Table.from_pylist(some))
             connection.execute(f"INSERT INTO base.{table} BY NAME SELECT * FROM new_rows")
             connection.unregister("new_rows")
+    del content, left
     connection.execute(scans.statement("segments"))
     doubled.find(connection, bucket)
     scans.create(connection, bucket)
@@ -213,6 +216,11 @@ def _digest(connection: duckdb.DuckDBPyConnection, table: str) -> str:
     asked = f"SELECT count(*), coalesce(sum(hash(t)::HUGEINT), 0) FROM {table} AS t"
     ((count, total),) = connection.execute(asked).fetchall()
     return f"{count}-{total:x}"
+
+
+def _rows(store: Store) -> dict[str, tables.Rows]:
+    recorded = store.ledger.events()
+    return tables.rows(store, fold(recorded), recorded)
 
 
 def _database(path: str, **settings: str) -> duckdb.DuckDBPyConnection:

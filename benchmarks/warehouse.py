@@ -324,7 +324,7 @@ def _make(folder: Path, sessions: int, checks: int) -> Made:
     for setting in (f"memory_limit = '{warehouse.MEMORY}'", f"threads = {THREADS}", spilled):
         connection.execute(f"SET {setting}")
     began, busy = time.perf_counter(), time.process_time()
-    warehouse.fill(connection, _facts(files, fleet))
+    warehouse.fill(connection, {**_facts(files, fleet)})
     filled = Taken(time.perf_counter() - began, time.process_time() - busy)
     return Made(tuple(files), histogram, fleet, connection, filled)
 
