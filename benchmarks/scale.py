@@ -61,7 +61,7 @@ def main() -> None:
         kills=(50, 1),
         writers=(8, 2),
         logs=(200, 2),
-        wltp=(1000, 2),
+        wltp=(1000, 1),
         motors=(100_000, 70),
         stored=(20_000, 4),
     )
