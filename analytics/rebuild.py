@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from analytics import warehouse
+from analytics import partitions, warehouse
 from analytics.errors import AnalyticsError
 from ingest.facts import facts as folding
 from ingest.facts.durable import sha256_of
@@ -35,6 +36,7 @@ def rebuild(store: Store, redecode: Callable[[Store, Facts], object], verify: bo
     before, notes = _before(store) if verify else ({}, ())
     redecode(store, folding.at(store.ledger))
     (store.folder / warehouse.FILE).unlink(missing_ok=True)
+    shutil.rmtree(store.folder / partitions.FOLDER, ignore_errors=True)
     with warehouse.refresh(store) as made:
         after = warehouse.digest(made.connection) if verify else {}
     decodes = folding.at(store.ledger).decodes.values()

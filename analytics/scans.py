@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from functools import partial
+from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -59,6 +60,11 @@ def create(connection: duckdb.DuckDBPyConnection, bucket: Bucket | None = None) 
 def text(value: str | None) -> str:
     """`value` as a literal of SQL."""
     return "NULL" if value is None else "'" + value.replace("'", "''") + "'"
+
+
+def statement(part: str) -> str:
+    """The SQL of a part of the warehouse: the file of `analytics/sql` of this name."""
+    return resources.files("analytics").joinpath("sql", f"{part}.sql").read_text(encoding="utf-8")
 
 
 def name(value: str) -> str:

@@ -1,8 +1,8 @@
 """The DuckDB warehouse: ledger and Parquet as views for SQL. A cache that is thrown away and made again at will.
 
-`warehouse.duckdb` is never the record of anything. It holds the facts as small tables and, over the Parquet files of
-the store, views by absolute path; it says in `base.built_from` what it was made from, and is made anew where that has
-changed.
+`warehouse.duckdb` is never the record of anything. It holds the facts as small tables, what logs say of insulation
+(`analytics.partitions`) and, over the Parquet files of the store, views by absolute path; it says in `base.built_from`
+what it was made from, and is made anew where that has changed.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from uuid import uuid4
 import duckdb
 import pyarrow as pa
 
-from analytics import doubled, scans, tables
+from analytics import doubled, partitions, scans, tables
 from analytics.errors import WarehouseError
 from analytics.reached import reach
 from ingest.facts.alias import is_misread
@@ -37,8 +37,10 @@ if TYPE_CHECKING:
     from ingest.facts.store import Store
 
 FILE = "warehouse.duckdb"
+SAMPLES = ("sessions", "channels", "files", "samples")  # what is read from logs is asked of these views
 VIEWS = (
-    *("sessions", "channels", "files", "samples", "runs", "residuals", "temperatures"),
+    *SAMPLES,
+    *("runs", "residuals", "temperatures"),
     *("cycles", "dc_checks", "insulation_checks", "inspections"),
     *("hours_by_temperature", "oven_cycles", "conductivity_by_cycle", "life_used", "fleet_health", "changepoints"),
     *("batches", "events"),
@@ -82,14 +84,13 @@ def build(store: Store, target: Path, source: Mapping[str, str]) -> None:
     `source`: what it depends on, taken before the facts, so that an event that comes meanwhile makes the next one
     stale. Raises WarehouseError where a Parquet file is missing or damaged, or the folder cannot be written.
     """
-    recorded = store.ledger.events()
-    rows = tables.rows(store, fold(recorded), recorded)
+    rows = _rows(store)
     try:
         _sweep(target.parent, BUILDING)
         with tempfile.TemporaryDirectory(prefix=BUILDING, dir=target.parent) as folder:
             made = Path(folder) / target.name
-            with duckdb.connect(str(made), config={"default_block_size": BLOCK}) as connection:
-                fill(connection, rows, source, store.bucket)
+            with _database(str(made), default_block_size=BLOCK, memory_limit=MEMORY) as connection:
+                fill(connection, rows, source, store.bucket, target.parent / partitions.FOLDER)
                 connection.execute("CHECKPOINT")  # what fails only when it is closed, DuckDB does not say
             made.replace(target)
     except (OSError, duckdb.Error) as error:
@@ -141,28 +142,37 @@ def connect(folder: str | Path, as_of: str | None = None) -> duckdb.DuckDBPyConn
 
 def fill(
     connection: duckdb.DuckDBPyConnection,
-    rows: Mapping[str, tables.Rows],
+    rows: dict[str, tables.Rows],
     source: Mapping[str, str] | None = None,
     bucket: Bucket | None = None,
+    kept: Path | None = None,
 ) -> None:
-    """Make all tables, views and macros in an empty database, from the rows of `analytics.tables`. `bucket`: where the
-    Parquet files lie that they name."""
+    """Make all tables, views and macros in an empty database, from the rows of `analytics.tables`, which are taken out
+    of `rows`: the facts behind them take no memory while logs are read. `bucket`: where the Parquet files lie that they
+    name; `kept`: a folder in which what is read from logs is kept (`analytics.partitions`), by the `source` that says
+    which code read it."""
     if bucket:
         reach(connection, bucket)
     connection.begin()  # one transaction: a commit for each statement takes ten times as long
-    connection.execute(_sql("tables"))
+    connection.execute(scans.statement("tables"))
     built_from = [{"what": what, "value": value} for what, value in (source or {}).items()]
-    for table, content in {**rows, "built_from": built_from}.items():
+    rows["built_from"] = built_from
+    while rows:
+        table, content = rows.popitem()
         left = iter(content)
         while some := list(islice(left, AT_ONCE)):
             connection.register("new_rows", pa.Table.from_pylist(some))
             connection.execute(f"INSERT INTO base.{table} BY NAME SELECT * FROM new_rows")
             connection.unregister("new_rows")
-    connection.execute(_sql("segments"))
+    del content, left
+    connection.execute(scans.statement("segments"))
     doubled.find(connection, bucket)
     scans.create(connection, bucket)
-    for part in (*VIEWS, *MACROS):
-        connection.execute(_sql(part))
+    for part in SAMPLES:
+        connection.execute(scans.statement(part))
+    partitions.create(connection, kept, " ".join((source or {}).get(what, "") for what in ("analytics", "duckdb")))
+    for part in (*VIEWS[len(SAMPLES) :], *MACROS):
+        connection.execute(scans.statement(part))
     connection.commit()
 
 
@@ -208,6 +218,18 @@ def _digest(connection: duckdb.DuckDBPyConnection, table: str) -> str:
     return f"{count}-{total:x}"
 
 
+def _rows(store: Store) -> dict[str, tables.Rows]:
+    recorded = store.ledger.events()
+    return tables.rows(store, fold(recorded), recorded)
+
+
+def _database(path: str, **settings: str) -> duckdb.DuckDBPyConnection:
+    """A database that prints no progress among what a verb answers."""
+    connection = duckdb.connect(path, config=dict(settings))
+    connection.execute("SET enable_progress_bar = false")
+    return connection
+
+
 def _sweep(folder: Path, begins: str) -> None:
     """Remove what was left behind in `folder` by builds or questions that were killed: folders in which nothing was
     written for an hour. (Builds lie not in `tmp/`, which a writer empties under a reader's feet.)"""
@@ -221,7 +243,7 @@ def _in_memory(store: Store, as_of: str | None) -> Warehouse:
     recorded = store.ledger.events(as_of=as_of)
     facts = fold(recorded)
     with contextlib.ExitStack() as unless_done:
-        connection = unless_done.enter_context(duckdb.connect(":memory:"))
+        connection = unless_done.enter_context(_database(":memory:"))
         fill(connection, tables.rows(store, facts, recorded), bucket=store.bucket)
         confine(connection)
         unless_done.pop_all()
@@ -239,7 +261,7 @@ def _open(store: Store, path: Path, source: Mapping[str, str] | None = None) -> 
         raise _Broken("another program wrote to it")
     try:
         with contextlib.ExitStack() as unless_done:
-            connection = unless_done.enter_context(duckdb.connect(":memory:"))
+            connection = unless_done.enter_context(_database(":memory:"))
             if store.bucket:
                 reach(connection, store.bucket)
             connection.execute(f"ATTACH {scans.text(str(path))} AS warehouse (READ_ONLY)")
@@ -287,10 +309,6 @@ def _own_hash() -> str:
     parts = [*files("analytics").iterdir(), *files("analytics").joinpath("sql").iterdir()]
     texts = [part.read_text(encoding="utf-8") for part in parts if part.name.endswith((".py", ".sql"))]
     return sha256("".join(sorted(texts)).encode()).hexdigest()
-
-
-def _sql(part: str) -> str:
-    return files("analytics").joinpath("sql", f"{part}.sql").read_text(encoding="utf-8")
 
 
 def _line(error: BaseException) -> str:

@@ -12,16 +12,19 @@ from ingest.facts.sessions import Override
 from ingest.facts.store import Store
 from ingest.intake.intake import take_in
 from ingest.intake.setup import prepare
+from ingest.units.each import Workers
 from replay.engine.files.models import for_intake
 
 
 @contextmanager
-def stored(folder: Path, logs: Sequence[Path], at: Path | None = None) -> Iterator[Store]:
-    """A new store that holds these logs, in `folder` or `at`; bench file and database lie in `folder`, as
-    `plant.write_campaign` leaves them."""
-    setup = prepare(logs, folder / "bench.toml", [folder / "bench.dbc"], for_intake)
+def stored(
+    folder: Path, logs: Sequence[Path], at: Path | None = None, workers: Workers | None = None
+) -> Iterator[Store]:
+    """A new store that holds these logs, in `folder` or `at`; bench file and database, where there is one, lie in
+    `folder`, as `plant.write_campaign` leaves them; `workers`: where logs are read and decoded."""
+    setup = prepare(logs, folder / "bench.toml", [*folder.glob("bench.dbc")], for_intake)
     with Store.open((at or folder) / "store", create=True) as store:
-        take_in(store, logs, setup, Override())
+        take_in(store, logs, setup, Override(), workers=workers)
         yield store
 
 

@@ -84,18 +84,22 @@ def grow(folder: Path, size: int) -> None:
     """Append sessions like the first one, until there are `size`."""
     with Store.open(folder, write=True) as store:
         known = facts.at(store.ledger)
-        first = known.session("log0")
-        like = Like(known.files[first.files[0]["raw"]], known.decodes[first.files[0]["decode"]], first)
-        days = range(len(known.sessions), size)
-        for begin in range(days.start, days.stop, AT_ONCE):
-            batch: list[tuple[str, Event]] = []
-            for day in days[begin - days.start :][:AT_ONCE]:
-                batch += like.on(day)
-                copy = on_disk(store.decoded(name_of("decode", day)))
-                copy.mkdir()
-                for product in on_disk(store.decoded(like.decode.decode)).iterdir():
-                    os.link(product, copy / product.name)
-            store.ledger.append_all(batch)
+        add_like(store, known.session("log0"), range(len(known.sessions), size))
+
+
+def add_like(store: Store, first: SessionRecorded, days: range) -> None:
+    """Append a session like `first`, of one file, on each of some days; its samples are links to those of `first`."""
+    known = facts.at(store.ledger)
+    like = Like(known.files[first.files[0]["raw"]], known.decodes[first.files[0]["decode"]], first)
+    for begin in range(days.start, days.stop, AT_ONCE):
+        batch: list[tuple[str, Event]] = []
+        for day in days[begin - days.start :][:AT_ONCE]:
+            batch += like.on(day)
+            copy = on_disk(store.decoded(name_of("decode", day)))
+            copy.mkdir()
+            for product in on_disk(store.decoded(like.decode.decode)).iterdir():
+                os.link(product, copy / product.name)
+        store.ledger.append_all(batch)
 
 
 @dataclass(frozen=True)

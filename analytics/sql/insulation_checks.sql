@@ -1,30 +1,4 @@
 CREATE VIEW insulation_checks AS
-WITH by_channel AS (
-    SELECT
-        v.session, v.channel, v.quantity,
-        last(v.value ORDER BY v.t_ns, v.record) AS latest,
-        median(v.value) AS middle
-    FROM samples AS v
-    JOIN channels AS c ON c.session = v.session AND c.channel = v.channel
-    JOIN sessions AS s ON s.session = v.session
-    WHERE s.kind = 'insulation_check' AND c.role <> 'ignored'
-      AND v.quantity IN (
-        'insulation_resistance', 'polarisation_index', 'capacitance', 'tan_delta', 'inception_voltage', 'temperature'
-      )
-    GROUP BY v.session, v.channel, v.quantity
-),
-found AS (
-    SELECT
-        session,
-        min(latest) FILTER (WHERE quantity = 'insulation_resistance') AS insulation_resistance_ohm,
-        min(latest) FILTER (WHERE quantity = 'polarisation_index') AS polarisation_index,
-        median(middle) FILTER (WHERE quantity = 'capacitance') AS capacitance_F,
-        max(middle) FILTER (WHERE quantity = 'tan_delta') AS tan_delta,
-        min(middle) FILTER (WHERE quantity = 'inception_voltage') AS inception_voltage_V,
-        median(middle) FILTER (WHERE quantity = 'temperature') AS temperature_degC
-    FROM by_channel
-    GROUP BY session
-)
 SELECT
     s.session,
     s.name,
@@ -41,7 +15,7 @@ SELECT
     d.why AS why_no_dose
 FROM sessions AS s
 JOIN base.doses AS d ON d.session = s.session
-LEFT JOIN found AS f ON f.session = s.session
+LEFT JOIN base.electrical_checks AS f ON f.session = s.session
 WHERE s.kind = 'insulation_check'
 ORDER BY s.specimen, s.start, s.name;
 

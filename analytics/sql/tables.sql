@@ -53,3 +53,23 @@ CREATE TABLE base.inspections (
     inspection VARCHAR, place BIGINT, sha256 VARCHAR, name VARCHAR, media_type VARCHAR, size BIGINT, specimen VARCHAR,
     happened VARCHAR, session VARCHAR, finding VARCHAR, recorded VARCHAR
 );
+
+-- What logs say of insulation, one row a session or check: filled by analytics/partitions.py, for the sessions in `asked` at a
+-- time. All that a row holds follows from its own log.
+CREATE TABLE base.asked (session VARCHAR);
+
+CREATE TABLE base.hours (
+    session VARCHAR, channel VARCHAR, highest_degC DOUBLE, hours_above_180degC DOUBLE, mean_above_degC DOUBLE,
+    equivalent_1eV_h DOUBLE, equivalent_10K_h DOUBLE, unknown_h DOUBLE
+);
+
+CREATE TABLE base.measured_checks (
+    session VARCHAR, record BIGINT, t_ns BIGINT, dose_h DOUBLE, resistance_K_per_W DOUBLE, copper_degC DOUBLE,
+    iron_degC DOUBLE, power_W DOUBLE, drift_percent DOUBLE, load_s DOUBLE, why_no_resistance VARCHAR, power_from VARCHAR,
+    copper_from VARCHAR, iron_from VARCHAR
+);
+
+CREATE TABLE base.electrical_checks (
+    session VARCHAR, insulation_resistance_ohm DOUBLE, polarisation_index DOUBLE, capacitance_F DOUBLE, tan_delta DOUBLE,
+    inception_voltage_V DOUBLE, temperature_degC DOUBLE
+);

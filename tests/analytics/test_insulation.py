@@ -4,31 +4,24 @@ known."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
-from numpy.typing import ArrayLike
 
 from analytics import warehouse
 from analytics.insulation.dose.arrhenius import Activation, Doubling
 from analytics.insulation.dose.oven_cycle import hours_above
 from analytics.query import run
 from analytics.reference import examples
-from ingest.facts.events import DecodeCompleted, InspectionRecorded, RawFileSealed, SessionRecorded
+from ingest.facts.events import InspectionRecorded
 from ingest.facts.store import Store
-from ingest.texts.quantities import STORED_UNIT
-from made.places import on_disk
+from made.insulation_logs import Columns, HOUR_s, STEP_s, add_log
 
-HOUR_s = 3600
-START_NS = 1_760_000_000 * 10**9
-STEP_s = 10.0
 STEPS = 241  # 40 min
 T_s = np.arange(STEPS) * STEP_s
-Columns = dict[str, tuple[str, str | None, ArrayLike]]  # channel -> quantity, node, values
 POWER = ("power", None, np.where(T_s >= 60, 1000.0, 5.0))
 COPPER = ("temperature", "winding_a", np.full(STEPS, 100.0))
 IRON = ("temperature", "teeth", np.full(STEPS, 60.0))
@@ -44,57 +37,8 @@ def store(tmp_path: Path) -> Iterator[Store]:
 
 @pytest.fixture
 def add(store: Store) -> Add:
-    """Append a session of one file: sealed, decoded, recorded."""
-
-    def added(name: str, kind: str, at_h: float | None, columns: Columns, step_s: float = STEP_s, **more: Any) -> None:
-        raw, decode = name.encode().hex().ljust(64, "0"), name.encode().hex()
-        size = len(np.asarray(next(iter(columns.values()))[2]))
-        start = START_NS + round((at_h or 0.0) * HOUR_s * 1e9)
-        t_ns = start + np.round(np.arange(size) * step_s * 1e9).astype(np.int64)
-        kept = np.setdiff1d(np.arange(size), more.pop("lost", []))
-        folder = on_disk(store.decoded(decode))
-        folder.mkdir()
-        fixed = {"t_ns": t_ns[kept], "log_t_ns": t_ns[kept], "file_id": [raw] * len(kept), "record": kept}
-        values = {channel: np.asarray(value, np.float64)[kept] for channel, (_, _, value) in columns.items()}
-        pq.write_table(pa.table({**fixed, **values}), folder / "rows.parquet")
-        ignored, regions = more.pop("ignored", ()), more.pop("regions", None)
-        channels: list[dict[str, Any]] = [
-            {
-                "name": channel,
-                "group": "rows",
-                "column": channel,
-                "quantity": quantity,
-                "unit": STORED_UNIT[quantity],
-                "node": node,
-                "role": "ignored" if channel in ignored else "observed" if node else "input",
-                "derived": False,
-                **({"region": regions.get(channel)} if regions else {}),
-            }
-            for channel, (quantity, node, _) in columns.items()
-        ]
-        absolute, first, last = at_h is not None, int(t_ns[0]), int(t_ns[-1])
-        balance = {"found": len(kept), "decoded": len(kept), "unknown_id": 0, "wrong_length": 0, "rejected": 0}
-        said: dict[str, Any] = {"specimen": "stator-07", "batch": None} | more
-        file = {"raw": raw, "decode": decode, "first_record": 0, "last_record": size - 1}
-        store.ledger.append(f"file-{raw}", RawFileSealed(sha256=raw, name=f"{name}.csv", size=1, format="csv"))
-        store.ledger.append(
-            f"file-{raw}",
-            DecodeCompleted(
-                decode=decode, raw=raw, bench=None, databases=[], decoder="1", outcome="decoded", why=None,
-                balance=balance,
-                groups=[{"name": "rows", "file": "rows.parquet"}], channels=channels,
-                absolute=absolute, start_ns=first, end_ns=last,
-            ),
-        )  # fmt: skip
-        store.ledger.append(
-            f"session-{decode}",
-            SessionRecorded(
-                session=decode, name=name, kind=kind, kind_why="given", bench=None, configuration=None, attributes={},
-                files=[file], absolute=absolute, start_ns=first, end_ns=last, **said,
-            ),
-        )  # fmt: skip
-
-    return added
+    """Append a session of one file."""
+    return partial(add_log, store)
 
 
 def ask(store: Store, sql: str) -> list[tuple[Any, ...]]:

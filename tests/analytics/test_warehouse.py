@@ -199,6 +199,13 @@ def test_every_view_column_and_macro_is_explained(shared_store: Store) -> None:
     assert {macro for macro, comment in macros if comment} == set(warehouse.MACROS)
 
 
+@pytest.mark.parametrize("as_of", [None, "1"])
+def test_a_long_question_prints_no_progress_among_its_answer(store: Store, as_of: str | None) -> None:
+    with warehouse.refresh(store, as_of) as opened:
+        asked = "SELECT value FROM duckdb_settings() WHERE name = 'enable_progress_bar'"
+        assert opened.connection.execute(asked).fetchall() == [("false",)]
+
+
 def test_nothing_new_means_nothing_is_made(store: Store) -> None:
     warehouse.refresh(store).connection.close()
     before = (store.folder / "warehouse.duckdb").stat()

@@ -22,6 +22,7 @@ from replay.studies.ageing.assess import is_of_now
 from replay.studies.ageing.assessment import Assessment
 
 WIDE, HIGH = 140, 24  # of a course, in points
+MOST = 200  # sessions without a report that are listed: a fleet has one a motor
 
 
 @dataclass(frozen=True)
@@ -54,11 +55,13 @@ class DiagnosisRow:
 def index_page(store: Store, facts: Facts, pages: Mapping[str, Course]) -> str:
     """The text of the page; `pages`: path of each report that is there -> the residual over its session [K]."""
     scale = max((abs(value) for course in pages.values() for value in course if value is not None), default=0.0)
-    sessions, diagnoses = list(_sessions(facts, pages, scale)), list(_diagnoses(store, facts, pages))
+    every, diagnoses = list(_sessions(facts, pages, scale)), list(_diagnoses(store, facts, pages))
+    sessions = listed(every)
     found = last_assessment(store, facts)
     return template("index.html.j2").render(
-        answer=_answer(sessions, len(diagnoses), found),
+        answer=_answer(every, len(diagnoses), found),
         sessions=sessions,
+        unlisted=len(every) - len(sessions),
         scale=words.kelvin(scale) if scale else "",
         diagnoses=diagnoses,
         ageing=ageing,
@@ -96,6 +99,13 @@ def _sessions(facts: Facts, pages: Mapping[str, Course], scale: float) -> Iterat
             wrong=summary is not None and any(not one.within_floor for one in summary.channels),
             course=course_svg(course, scale) if any(value is not None for value in course) else "",
         )
+
+
+def listed(every: Sequence[SessionRow]) -> list[SessionRow]:
+    """The rows that the page shows, in order: all with a report, and the last `MOST` of the others."""
+    others = [row for row in every if not row.link]
+    left = {id(row) for row in others[: max(len(others) - MOST, 0)]}
+    return [row for row in every if id(row) not in left]
 
 
 def _worst(summary: Summary) -> str:

@@ -12,7 +12,7 @@ from ingest.errors import DamageError
 from made.runs import made_run
 from replay.errors import ReplayDataError
 from replay.show.reports.site import RECORD, Course, PageWanted, write_site
-from replay.show.reports.site_index import course_svg
+from replay.show.reports.site_index import MOST, SessionRow, course_svg, listed
 from replay.show.reports.site_pages import COLUMNS, residual_course
 
 ONE, TWO = "sessions/a1.html", "diagnoses/d-4f0c.html"
@@ -87,3 +87,14 @@ def test_the_course_is_the_residual_of_the_channel_that_is_furthest_off() -> Non
     drawn = course_svg(course, 6.0)
     assert "residual from −0.2 K to +6.0 K" in drawn
     assert drawn.count("M") == 2, "the zero line and one stroke"
+
+
+def test_of_sessions_without_a_report_the_first_page_lists_the_last_ones_only() -> None:
+    def row(number: int, link: str) -> SessionRow:
+        return SessionRow(f"s{number}", "dc_check", "M", "", "", link, worst="", wrong=False, course="")
+
+    rows = [row(number, "sessions/a.html" if number in (3, MOST) else "") for number in range(2 * MOST)]
+    shown = listed(rows)
+    assert len(shown) == MOST + 2
+    assert [one.name for one in shown[:3]] == ["s3", f"s{MOST - 1}", f"s{MOST}"]
+    assert listed(shown[1:]) == shown[1:]

@@ -1,0 +1,131 @@
+"""What logs say of insulation as Parquet, a file for each month of a group of motors: made once, and read from then on.
+
+The files lie in the store's `warehouse/`, as `hours/motors=3/month=2026-05/<digest>-<SHA-256>.parquet`: hours at
+temperature of a session (`hours`), the thermal resistance of a check (`measured_checks`), and what an electrical check
+measured (`electrical_checks`). The digest is that of all on which the rows depend: the facts of the partition's
+sessions, and the code; the SHA-256 is that of the file. So a file that is there and whole needs no look at its logs, a
+new log makes those partitions anew that it falls into, and a rebuild from nothing makes the same files, byte for byte.
+
+Other programs read them as they are (hive partitions); `cycles`, `dc_checks` and `insulation_checks` are views on them.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from hashlib import sha256
+from itertools import groupby
+from pathlib import Path
+from typing import TYPE_CHECKING
+from uuid import uuid4
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from analytics.scans import statement
+
+if TYPE_CHECKING:
+    import duckdb
+
+FOLDER = "warehouse"
+RECORDS = 4_000_000  # of logs that are read at once: some 100 bytes of memory each
+ROWS = """
+SELECT m.session, s.name AS session_name, s.kind, s.specimen, s.batch, s.absolute, s.start_ns, m.* EXCLUDE (session)
+FROM base.{holds} AS m
+JOIN base.parts AS p ON p.session = m.session AND p.holds = $holds AND p.motors = $motors AND p.month = $month
+JOIN base.sessions AS s ON s.session = m.session
+ORDER BY ALL
+"""
+
+
+@dataclass(frozen=True)
+class Partition:
+    """The rows of one table (`holds`) of a group of motors in a month; `digest` of all that they depend on."""
+
+    holds: str
+    motors: str
+    month: str
+    digest: str
+
+    def place(self, folder: Path) -> Path:
+        """Where it lies in the store's folder of partitions."""
+        return folder / self.holds / f"motors={self.motors}" / f"month={self.month}"
+
+    def file(self, folder: Path) -> Path | None:
+        """Its file, None where there is none that is whole."""
+        there = self.place(folder).glob(f"{self.digest}-*.parquet")
+        return next((file for file in there if file == self.named(folder, file.read_bytes())), None)
+
+    def named(self, folder: Path, content: bytes) -> Path:
+        """The name of its file with this content."""
+        return self.place(folder) / f"{self.digest}-{sha256(content).hexdigest()}.parquet"
+
+
+def create(connection: duckdb.DuckDBPyConnection, folder: Path | None, code: str) -> None:
+    """Fill the tables of what logs say of insulation, from the partitions in `folder` and, where one is not there, from
+    the logs. Partitions that were made are written, those of other facts or other `code` removed. `folder`: None where
+    nothing is kept. Raises OSError where it cannot be written."""
+    connection.execute(statement("parts"))
+    parts = {part: part.file(folder) if folder else None for part in _parts(connection, code)}
+    for part, file in parts.items():
+        if file:
+            _insert(connection, part.holds, pq.read_table(file, partitioning=None))
+    missing = [part for part, file in parts.items() if not file]
+    for holds, some in groupby(missing, lambda part: part.holds):
+        for sessions in _at_once(connection, list(some)):
+            connection.execute("DELETE FROM base.asked")
+            _insert(connection, "asked", sessions)
+            connection.execute(f"INSERT INTO base.{holds} BY NAME {statement(holds)}")
+    connection.execute("DELETE FROM base.asked")
+    if folder:
+        parts |= {part: _write(connection, part, folder) for part in missing}
+        for old in {file for file in folder.rglob("*") if file.is_file()} - {*parts.values()}:
+            old.unlink(missing_ok=True)  # another process was first
+
+
+def _parts(connection: duckdb.DuckDBPyConnection, code: str) -> list[Partition]:
+    asked = (
+        "SELECT holds, motors, month, sha256(concat(?::VARCHAR, string_agg(depends_on, ', ' ORDER BY session))) "
+        "FROM base.parts GROUP BY holds, motors, month ORDER BY holds, motors, month"
+    )
+    return [Partition(*row) for row in connection.execute(asked, [code]).fetchall()]
+
+
+def _at_once(connection: duckdb.DuckDBPyConnection, parts: Sequence[Partition]) -> Iterator[pa.Table]:
+    """The sessions of some partitions of one table, so many at once that `RECORDS` are read, and one at least."""
+    connection.register("missing", pa.Table.from_pylist([asdict(part) for part in parts]))
+    asked = (
+        "SELECT session, sum(records) OVER (ORDER BY motors, month, session) // ? AS turn "
+        "FROM base.parts SEMI JOIN missing USING (holds, motors, month) ORDER BY turn, session"
+    )
+    rows = connection.execute(asked, [RECORDS]).fetchall()
+    connection.unregister("missing")
+    for _, some in groupby(rows, lambda row: row[1]):
+        yield pa.table({"session": [session for session, _ in some]})
+
+
+def _insert(connection: duckdb.DuckDBPyConnection, table: str, rows: pa.Table) -> None:
+    columns = [column[0] for column in connection.execute(f"FROM base.{table} LIMIT 0").description or ()]
+    connection.register("new_rows", rows.select(columns))
+    connection.execute(f"INSERT INTO base.{table} BY NAME SELECT * FROM new_rows")
+    connection.unregister("new_rows")
+
+
+def _write(connection: duckdb.DuckDBPyConnection, part: Partition, folder: Path) -> Path:
+    """Write the rows of a partition, whole under its name or not at all. Returns its file."""
+    whose = {"holds": part.holds, "motors": part.motors, "month": part.month}
+    rows = connection.sql(ROWS.format(holds=part.holds), params=whose).to_arrow_table()
+    content = pa.BufferOutputStream()
+    pq.write_table(rows, content, compression="zstd")
+    made = content.getvalue().to_pybytes()
+    file = part.named(folder, made)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = file.with_name(f"{uuid4().hex}.unfinished")
+    try:
+        unfinished.write_bytes(made)
+        unfinished.replace(file)
+    finally:
+        with contextlib.suppress(OSError):
+            unfinished.unlink()
+    return file
