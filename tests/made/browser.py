@@ -42,11 +42,12 @@ narrow.querySelectorAll("svg text").forEach(text => {
   const high = text.getBoundingClientRect().height;
   if (high > 0 && high < 9) found.push(`on a telephone "${text.textContent}" is ${high} points high`);
 });
+narrow.querySelectorAll("details").forEach(fold => { fold.open = true; });
 const {told, axe} = narrow.defaultView;
 found.push(...told);
 if (!axe) return found;
-return axe.run(narrow, {resultTypes: ["violations"]}).then(({violations}) => [...found, ...violations.flatMap(
-  one => one.nodes.map(node => `${one.id}: ${node.html.slice(0, 200)}`))]);
+return axe.run(narrow, {resultTypes: ["violations"]}).then(({violations}) => [...found, ...violations.map(
+  one => `${one.help}, ${one.nodes.length} times: ${one.nodes[0].html.slice(0, 200)}`)]);
 """
 WATCHED = """<meta http-equiv="Content-Security-Policy"
   content="default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'">
@@ -87,8 +88,8 @@ def _asked(page: Path, text: str, script: str) -> Any:
     assert text.count("</body>") == 1
     ask = (
         f"<script>const p = document.createElement('pre'); p.id = 'found'; addEventListener('load', () => "
-        f"Promise.resolve((() => {{ {script} }})()).then(found => {{ p.textContent = JSON.stringify(found); "
-        "document.body.append(p); }))</script></body>"
+        f"(async () => {{ {script} }})().catch(error => [error.stack]).then(found => {{ "
+        "p.textContent = JSON.stringify(found); document.body.append(p); }))</script></body>"
     )
     asked = page.with_name("asked.html")
     asked.write_text(text.replace("</body>", ask), encoding="utf-8")

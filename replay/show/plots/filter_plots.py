@@ -48,7 +48,7 @@ def estimated_loss(run: Run, columns: int, cause: str | None = None) -> Plot | N
     title = _finding(filtered, cause)
     time = time_axis(run)
     with style(f"{run.session} estimated loss"):
-        figure, (upper, lower, *below) = panels(WIDTH, (1.3, 0.95, *strip(run)), top=0.08)
+        figure, (upper, lower, *below) = panels(WIDTH, (1.2, 0.8, *strip(run)), top=0.08)
         _draw_heat(upper, filtered, time, run.t_ns[1:], columns)
         _draw_temperatures(lower, run, filtered, time, columns)
         draw_driving(below, run, columns)
@@ -79,7 +79,7 @@ def filter_over_time(run: Run, columns: int) -> Plot | None:
         return None
     title, time = words.capital(compared(run.summary)[0]), time_axis(run)
     with style(f"{run.session} filter over time"):
-        figure, (upper, middle, lower, *below) = panels(WIDTH, (1.3, 0.75, 0.95, *strip(run)), top=0.08)
+        figure, (upper, middle, lower, *below) = panels(WIDTH, (1.2, 0.6, 0.8, *strip(run)), top=0.08)
         _draw_channel(upper, channel, courses(run, filtered, channel), time, columns)
         _draw_left(middle, channel, courses(run, filtered, channel), time, columns)
         _draw_heat(lower, filtered, time, run.t_ns[1:], columns)

@@ -20,7 +20,7 @@ from replay.show.words.thin import thin
 Floats = NDArray[np.float64]
 Parts = list[tuple[str, float]]  # name, mean [W]
 
-FLOWS, APART, COURSE = 1.3, 0.55, 1.24  # inches: height of the bands, to the course below, of the course
+FLOWS, APART, COURSE = 1.2, 0.2, 1.0  # inches: height of the bands, to the course below, of the course
 SMOOTH_S = 60.0  # of the course over time: a driving cycle's losses jump every second
 
 
