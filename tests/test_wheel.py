@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from ingest.errors import WITH_EXTRAS
-from made.browser import printed_pages
+from made.browser import faults, printed_pages
 from made.places import ROOT
 
 RECORDINGS = (0, 1, 2, 3, 4, 6, 7, 9, 10, 12, 14)
@@ -111,6 +111,8 @@ def test_help_and_demo_work_from_an_empty_folder(installed: Path, tmp_path: Path
         assert printed_pages(tmp_path / "demo" / f"{name}.html") < 16
     assert _run(whyhot, "notebook", cwd=tmp_path, env=env).stdout.startswith("campaign ")
     _run(whyhot, "sql", "SELECT count(*) FROM samples", "--store", "demo/store", cwd=tmp_path, env=env)
+    pages = sorted((tmp_path / "demo").glob("*.html"))
+    assert len(pages) == 5 and [(page.name, fault) for page in pages for fault in faults(page)] == []
 
 
 def test_a_quoted_line_must_be_printed_word_by_word_and_number_by_number() -> None:

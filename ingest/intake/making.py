@@ -175,15 +175,19 @@ class _Sealed:
         return self.work / self.decode
 
 
-def redecode(store: Store, known: Facts, workers: Workers | None = None) -> None:
-    """Make recording and samples of every decode again from sealed bytes. Raises DamageError where these changed."""
+def redecode(
+    store: Store, known: Facts, workers: Workers | None = None, tell: Callable[[str], None] = lambda _: None
+) -> None:
+    """Make recording and samples of every decode again from sealed bytes; `tell` hears what is made. Raises DamageError
+    where these changed."""
     work = store.work().absolute()
     shared = InProcess(known) if workers is None else share(known.whole(), work)
     wanted = [key for key, one in known.decodes.items() if one.outcome != "quarantined"]
     jobs = [_Sealed(store.folder.absolute(), shared, key, work) for key in wanted]
     with closing(Reader()) as reader:
         again = partial(_again, reader) if workers is None else _again_alone
-        for job, done in each(again, jobs, workers):
+        for number, (job, done) in enumerate(each(again, jobs, workers), 1):
+            tell(f"made again {number:,} of {len(jobs):,}: {known.files[known.decodes[job.decode].raw].name}")
             if isinstance(done, Lost):
                 raise IngestError(f"{known.files[known.decodes[job.decode].raw].name}: {done.why}")
             store.publish(made_in(job.own, done), done.decode)

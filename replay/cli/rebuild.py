@@ -18,9 +18,11 @@ def run(args: argparse.Namespace) -> Answer:
     from analytics.rebuild import rebuild
     from ingest.facts.store import Store
     from ingest.intake.making import redecode
+    from replay.cli.progress import tell
 
     with Store.open(store_folder(args), write=True) as store:
-        made = rebuild(store, partial(redecode, workers=workers_of(args)), verify=args.verify)
+        again = partial(redecode, workers=workers_of(args), tell=tell)
+        made = rebuild(store, again, verify=args.verify)
         done = {"products": made.products, "views": made.views, "differences": list(made.differences)}
         data = {"schema": "whyhot.rebuild/1", **done, "provenance": provenance(store, verify=args.verify)}
     compared = ", each equal to what it was" if args.verify and not made.differences else ""

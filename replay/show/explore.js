@@ -1,4 +1,4 @@
-// What a reader can do with the plots over time of a report. Without it, and in print, the page is whole.
+// What a reader can do with the plots over time or speed of a report. Without it, and in print, the page is whole.
 // A line of a plot is its path as drawn; axes say what their edges are worth, so that values are read off the drawing.
 "use strict";
 const plots = [];
@@ -22,7 +22,9 @@ function panel(group) {  // axes with the box that they fill, what its edges are
   const x = px => x0 + (px - box.left) / (box.right - box.left) * (x1 - x0);
   const y = py => y1 - (py - box.top) / (box.bottom - box.top) * (y1 - y0);
   const px = value => box.left + (value - x0) / (x1 - x0) * (box.right - box.left);
-  return {group, box, lines, x, y, px};
+  const moves = [...group.querySelectorAll("[data-band] path")].map(path => (
+    {path, strokes: points(path.getAttribute("d")), closed: "Z"}));
+  return {group, box, lines, moves: [...lines, ...moves], x, y, px};
 }
 
 function valueAt(panel, line, time) {  // the drawn value at a time, null in a gap
@@ -36,21 +38,25 @@ function valueAt(panel, line, time) {  // the drawn value at a time, null in a g
   return null;
 }
 
-function redraw(plot) {  // lines and times of the ticks for the part of the time that is seen
+function redraw(plot) {  // lines, bands and values of the ticks for the part of the axis that is seen
   const [from, to] = plot.seen;
   for (const panel of plot.panels) {
     const {left, right} = panel.box, a = panel.px(from), scale = (right - left) / (panel.px(to) - a);
-    for (const line of panel.lines)
-      line.path.setAttribute("d", line.strokes.map(stroke => "M" + stroke.map(([x, y]) =>
-        `${(left + (x - a) * scale).toFixed(2)} ${y}`).join("L")).join(""));
+    for (const {path, strokes, closed = ""} of panel.moves)
+      path.setAttribute("d", strokes.map(stroke => "M" + stroke.map(([x, y]) =>
+        `${(left + (x - a) * scale).toFixed(2)} ${y}`).join("L") + closed).join(""));
   }
   const digits = Math.max(0, 2 - Math.floor(Math.log10(to - from)));
   for (const tick of plot.ticks)
-    tick.text.textContent = plot.zoomed() ? plot.timeAt(tick.at).toFixed(digits) : tick.says;
+    tick.text.textContent = plot.zoomed() ? written(plot.timeAt(tick.at), digits) : tick.says;
+}
+
+function written(value, digits) {
+  return value.toLocaleString("en", {minimumFractionDigits: digits, maximumFractionDigits: digits});
 }
 
 function linked(plot) {
-  return plots.filter(other => other.session === plot.session);
+  return plots.filter(other => other.session === plot.session && other.axis === plot.axis);
 }
 
 function zoom(plot, range) {  // all plots of a session show the same time
@@ -147,7 +153,7 @@ function controls(plot) {
       overSpeed(plot);
     }));
   }
-  bar.append(button("whole time", null, () => zoom(plot, null)));
+  bar.append(button(plot.unit === "rpm" ? "all speeds" : "whole time", null, () => zoom(plot, null)));
   bar.append(button("CSV of what is seen", null, () => {
     const link = document.createElement("a");
     link.href = URL.createObjectURL(new Blob([csv(plot)], {type: "text/csv"}));
@@ -167,17 +173,17 @@ function cursor(plot, time) {  // a line at one time in every panel of a session
       const value = valueAt(panel, line, time);
       return value === null ? "" : `${line.name} ${value.toPrecision(4)}`;
     }));
-    other.told.textContent = `${time.toFixed(3)} ${other.unit}: ${told.filter(Boolean).join(" · ")}`;
+    other.told.textContent = `${written(time, other.unit === "rpm" ? 0 : 3)} ${other.unit}: ${told.filter(Boolean).join(" · ")}`;
   }
 }
 
 function explore(svg, session) {
-  const panels = [...svg.querySelectorAll("[data-axes]")].map(panel).filter(panel => panel.lines.length);
+  const panels = [...svg.querySelectorAll("[data-axes]")].map(panel);
   if (!panels.length) return;
   const first = panels[0], {left, right} = first.box, whole = [first.x(left), first.x(right)];
-  const texts = [...svg.querySelectorAll("[data-tick] text")];
-  const axis = [...svg.querySelectorAll("text")].map(text => text.textContent).find(says => /^time .*\[/.test(says));
-  const plot = {svg, session, panels, whole, seen: whole, unit: axis ? axis.match(/\[(.*)\]/)[1] : ""};
+  const texts = panels.flatMap(panel => [...panel.group.querySelectorAll("[data-tick] text")]);
+  const axis = [...svg.querySelectorAll("text")].map(text => text.textContent).find(says => /^(time|speed) .*\]$/.test(says));
+  const plot = {svg, session, axis, panels, whole, seen: whole, unit: axis.match(/\[(.*)\]/)[1]};
   plot.zoomed = () => plot.seen !== plot.whole;
   plot.timeAt = px => plot.seen[0] + (px - left) / (right - left) * (plot.seen[1] - plot.seen[0]);
   plot.ticks = texts.map(text => ({text, at: Number(text.getAttribute("x")), says: text.textContent}));
@@ -220,7 +226,7 @@ function overTime(svg) {  // a slider for a picture that is drawn at one of many
 }
 
 let session = "";
-for (const found of document.querySelectorAll("h3, figure svg"))
-  if (found.tagName === "H3") session = found.textContent;
+for (const found of document.querySelectorAll("h2, h3, figure svg"))
+  if (found.tagName !== "svg") session = found.dataset.session || found.textContent;
   else if (found.dataset.overTime) overTime(found);
   else explore(found, session);

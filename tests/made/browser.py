@@ -15,10 +15,14 @@ import pytest
 from made.places import ROOT
 
 POLICY = re.compile(r'<meta http-equiv="Content-Security-Policy"[^>]*>')
-LABELS = """
+FAULTS = """
+const [still, narrow] = [...document.querySelectorAll("iframe")].map(frame => frame.contentDocument);
 const found = [];
-document.querySelectorAll("svg").forEach(svg => {
+if (!still.querySelector(".answer").textContent.trim()) found.push("without script there is no answer");
+if (still.querySelector("button, input")) found.push("without script something is there to be pressed");
+still.querySelectorAll("svg").forEach(svg => {
   const box = svg.getBoundingClientRect(), title = svg.getAttribute("aria-label");
+  if (box.height < 5) found.push(`${title}: is not drawn without script`);
   const texts = [...svg.querySelectorAll("text")].filter(t => t.textContent.trim())
     .map(t => [t.textContent.trim(), t.getBoundingClientRect()]);
   texts.forEach(([text, a], i) => {
@@ -32,56 +36,72 @@ document.querySelectorAll("svg").forEach(svg => {
     });
   });
 });
-return found;
+const whole = narrow.documentElement, beyond = whole.scrollWidth - whole.clientWidth;
+if (beyond > 0) found.push(`on a telephone the page is ${beyond} points wider than the screen`);
+narrow.querySelectorAll("svg text").forEach(text => {
+  const high = text.getBoundingClientRect().height;
+  if (high > 0 && high < 9) found.push(`on a telephone "${text.textContent}" is ${high} points high`);
+});
+narrow.querySelectorAll("details").forEach(fold => { fold.open = true; });
+const {told, axe} = narrow.defaultView;
+found.push(...told);
+if (!axe) return found;
+return axe.run(narrow, {resultTypes: ["violations"]}).then(({violations}) => [...found, ...violations.map(
+  one => `${one.help}, ${one.nodes.length} times: ${one.nodes[0].html.slice(0, 200)}`)]);
 """
+WATCHED = """<meta http-equiv="Content-Security-Policy"
+  content="default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'">
+<script>
+var told = [];
+addEventListener("error", event => told.push(`its script: ${event.message}`));
+addEventListener("securitypolicyviolation", event => told.push(`it fetches ${event.blockedURI}`));
+</script>"""  # the page's own policy but for the scripts that find faults
+AXE = ROOT / "node_modules" / "axe-core" / "axe.min.js"  # what keeps people from using a page
 
 
-NARROWEST = 500  # of Chromium's own window; what is narrower stands in a frame of it
+def faults(page: Path) -> list[str]:
+    """What is wrong with a page: labels of pictures that are cut or lie over one another, where it is too wide or too
+    small on a telephone, errors of its script, what it fetches, what does not work without script, and what axe-core
+    finds where that is there (npm install --no-save axe-core@4.14.1). The test is skipped where Chromium is not
+    installed."""
+    text = POLICY.sub("", page.read_text(encoding="utf-8"))
+    axe = AXE.read_text(encoding="utf-8").replace("</script", "<\\/script") if AXE.is_file() else ""
+    told = text.replace("<head>", f"<head>{WATCHED}").replace("</body>", f"<script>{axe}</script></body>")
+    frames = _frame(text, 1000, "sandbox=allow-same-origin") + _frame(told, 390)
+    found: list[str] = _asked(page, f"<!doctype html><body>{frames}</body>", FAULTS)
+    return found
 
 
-def axe() -> str:
-    """The script that finds what keeps people from using a page, with what it found as its result. The test is skipped
-    where axe-core is not there."""
-    path = ROOT / "node_modules" / "axe-core" / "axe.min.js"
-    if not path.is_file():
-        pytest.skip("axe-core is not here: npm install --no-save axe-core@4.14.1")
-    found = "found.violations.map(one => [one.id, one.nodes.map(node => node.html.slice(0, 200))])"
-    source = path.read_text(encoding="utf-8").replace("</script", "<\\/script")
-    return f"{source}; return axe.run(document, {{resultTypes: ['violations']}}).then(found => {found});"
+def _frame(text: str, width: int, attribute: str = "") -> str:
+    style = f"width: {width}px; height: 900px; border: 0"
+    return f'<iframe {attribute} style="{style}" srcdoc="{html.escape(text)}"></iframe>'
 
 
-def in_browser(page: Path, script: str, width: int = 1000) -> Any:
-    """What `script` (the body of a function) returns, or promises, on a page `width` points wide. The test is skipped
-    where Chromium is not installed."""
-    text = page.read_text(encoding="utf-8")
+def in_browser(page: Path, script: str) -> Any:
+    """What `script` (the body of a function) returns, or promises, on a page. The test is skipped where Chromium is not
+    installed."""
+    return _asked(page, POLICY.sub("", page.read_text(encoding="utf-8")), script)
+
+
+def _asked(page: Path, text: str, script: str) -> Any:
+    """What `script` finds on a page of this text, which lies beside `page`, once all of it is there."""
     assert text.count("</body>") == 1
     ask = (
-        f"<script>const p = document.createElement('pre'); p.id = 'found'; document.body.append(p); "
-        f"Promise.resolve((() => {{ {script} }})()).then(found => {{ p.textContent = JSON.stringify(found); }})"
-        "</script></body>"
+        f"<script>const p = document.createElement('pre'); p.id = 'found'; addEventListener('load', () => "
+        f"(async () => {{ {script} }})().catch(error => [error.stack]).then(found => {{ "
+        "p.textContent = JSON.stringify(found); document.body.append(p); }))</script></body>"
     )
     asked = page.with_name("asked.html")
-    whole = POLICY.sub("", text).replace("</body>", ask)
-    asked.write_text(whole if width >= NARROWEST else _framed(whole, width), encoding="utf-8")
-    done = _dom(asked, width)
+    asked.write_text(text.replace("</body>", ask), encoding="utf-8")
+    done = _dom(asked)
     told = re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.DOTALL)
     assert told is not None, done.stderr[-2000:]
     return json.loads(html.unescape(told[1]))
 
 
-def _framed(page: str, width: int) -> str:
-    """A page that holds another as wide as that, and takes what was found there."""
-    return (
-        f'<body><iframe style="width: {width}px; height: 900px; border: 0" srcdoc="{html.escape(page)}"></iframe>'
-        "<script>const frame = document.querySelector('iframe');"
-        "frame.onload = () => document.body.append(frame.contentDocument.getElementById('found'));"
-        "</script></body>"
-    )
-
-
 def as_it_stands(page: Path) -> str:
     """The page as a browser has it after its own script ran under the page's own policy."""
-    return _dom(page, 1000).stdout
+    return _dom(page).stdout
 
 
 def printed_pages(page: Path) -> int:
@@ -93,10 +113,10 @@ def printed_pages(page: Path) -> int:
     return max(map(int, re.findall(rb"/Type\s*/Pages[^>]*?/Count\s+(\d+)", paper.read_bytes())))
 
 
-def _dom(page: Path, width: int) -> subprocess.CompletedProcess[str]:
+def _dom(page: Path) -> subprocess.CompletedProcess[str]:
     if not _program():
         pytest.skip("Chromium is not installed: apt install chromium")
-    return _chromium(page, "--virtual-time-budget=60000", f"--window-size={width},900", "--dump-dom")
+    return _chromium(page, "--virtual-time-budget=60000", "--window-size=1000,900", "--dump-dom")
 
 
 def _program() -> str:

@@ -18,17 +18,16 @@ from numpy.typing import NDArray
 from replay.engine.results.run import Observed, Run
 from replay.show.plots.plots import (
     SMALL,
-    STRIP,
     WIDTH,
     around_zero,
     draw,
     draw_driving,
-    driving,
     groups,
     instants,
     nearest,
     over_session,
     residual_cells,
+    strip,
     time_axis,
 )
 from replay.show.words import words
@@ -134,8 +133,7 @@ def _region(models: Mapping[str, Run], group: Sequence[Observed], columns: int) 
     several = [_overlaid(models, channel) for channel in channels]
     title = _title(several[0])
     with style(f"{first.session} {channels[0]} models"):
-        strip = [STRIP] * bool(driving(first))
-        figure, (upper, *lower) = panels(WIDTH, (1.3, *[0.7] * len(channels), *strip))
+        figure, (upper, *lower) = panels(WIDTH, (1.3, *[0.7] * len(channels), *strip(first)))
         _draw_temperatures(upper, first, several[0], columns)
         for axes, overlaid in zip(lower, several, strict=False):
             _draw_residuals(axes, first, overlaid, columns)

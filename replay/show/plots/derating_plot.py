@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from replay.engine.results.hot_spots import REGIONS
 from replay.engine.results.run import Run
 from replay.engine.results.summary import DeratingCourse
-from replay.show.plots.plots import WIDTH, instants, over_session, time_axis
+from replay.show.plots.plots import WIDTH, draw_driving, instants, over_session, strip, time_axis
 from replay.show.words import words
-from replay.show.words.figure import FigureTable, Plot, inline_svg, name_lines, panels, style
+from replay.show.words.figure import FigureTable, Plot, inline_svg, name_lines, named, panels, style
 from replay.show.words.palette import COLOURS, DASHES, SOFT
 from replay.show.words.thin import thin
 from twin.run.derating import Derating
@@ -32,11 +32,13 @@ def derating_over_time(run: Run, course: DeratingCourse, columns: int) -> Plot |
     names = {"sensor": words.name(course.channel), "hot spot": "hot spot"}
     title = _title(course)
     with style(f"{run.session} derating {course.channel}"):
-        figure, (upper, lower) = panels(WIDTH, (1.2, 0.9), top=0.08)
-        for ax, values in ((upper, degC), (lower, {k: 100 * rule.factor(v) for k, v in degC.items()})):
+        figure, (upper, lower, *below) = panels(WIDTH, (1.2, 0.9, *strip(run)), top=0.08)
+        allowed = {k: 100 * rule.factor(v) for k, v in degC.items()}
+        for ax, values, what in ((upper, degC, "[°C]"), (lower, allowed, "allows [%]")):
             ends = []
             for (key, y), colour, dashes in zip(values.items(), COLOURS, ("-", DASHES[0]), strict=False):
-                ax.plot(*thin(t[key], y, columns), color=colour, linestyle=dashes, linewidth=1.2)
+                gid = named(f"{names[key]} {what}")
+                ax.plot(*thin(t[key], y, columns), color=colour, linestyle=dashes, linewidth=1.2, gid=gid)
                 ends.append((float(y[-1]), names[key], colour))
             if ax is upper:
                 for degrees in (course.begin_degC, course.end_degC):
@@ -45,7 +47,8 @@ def derating_over_time(run: Run, course: DeratingCourse, columns: int) -> Plot |
         upper.set_ylabel("temperature [°C]")
         lower.set_ylabel("current\nallowed [%]")
         lower.set_ylim(-4, 104)
-        over_session(lower, run)
+        draw_driving(below, run, columns)
+        over_session((lower, *below)[-1], run)
         svg = inline_svg(figure, title)
     begins = f"where {words.name(course.channel)} begins to take current back"
     note = f"Dotted: {begins}, and where none is left. Dashed: the model."

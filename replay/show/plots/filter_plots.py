@@ -10,9 +10,20 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from replay.engine.results.run import Filtered, Observed, Run
-from replay.show.plots.plots import SMALL, WIDTH, TimeAxis, around_zero, draw, instants, over_session, time_axis
+from replay.show.plots.plots import (
+    SMALL,
+    WIDTH,
+    TimeAxis,
+    around_zero,
+    draw,
+    draw_driving,
+    instants,
+    over_session,
+    strip,
+    time_axis,
+)
 from replay.show.words import words
-from replay.show.words.figure import BAND, FigureTable, Plot, inline_svg, name_lines, panels, style
+from replay.show.words.figure import BAND, MOVING, FigureTable, Plot, inline_svg, name_lines, named, panels, style
 from replay.show.words.filter_words import compared, loss, worst_compared
 from replay.show.words.palette import COLOURS, DASHES, INK, SOFT
 
@@ -37,10 +48,11 @@ def estimated_loss(run: Run, columns: int, cause: str | None = None) -> Plot | N
     title = _finding(filtered, cause)
     time = time_axis(run)
     with style(f"{run.session} estimated loss"):
-        figure, (upper, lower) = panels(WIDTH, (1.3, 0.95), top=0.08)
+        figure, (upper, lower, *below) = panels(WIDTH, (1.2, 0.8, *strip(run)), top=0.08)
         _draw_heat(upper, filtered, time, run.t_ns[1:], columns)
         _draw_temperatures(lower, run, filtered, time, columns)
-        over_session(lower, run)
+        draw_driving(below, run, columns)
+        over_session((lower, *below)[-1], run)
         svg = inline_svg(figure, title)
     return Plot(title, svg, "", _table(run, filtered, time))
 
@@ -67,11 +79,12 @@ def filter_over_time(run: Run, columns: int) -> Plot | None:
         return None
     title, time = words.capital(compared(run.summary)[0]), time_axis(run)
     with style(f"{run.session} filter over time"):
-        figure, (upper, middle, lower) = panels(WIDTH, (1.3, 0.75, 0.95), top=0.08)
+        figure, (upper, middle, lower, *below) = panels(WIDTH, (1.2, 0.6, 0.8, *strip(run)), top=0.08)
         _draw_channel(upper, channel, courses(run, filtered, channel), time, columns)
         _draw_left(middle, channel, courses(run, filtered, channel), time, columns)
         _draw_heat(lower, filtered, time, run.t_ns[1:], columns)
-        over_session(lower, run)
+        draw_driving(below, run, columns)
+        over_session((lower, *below)[-1], run)
         svg = inline_svg(figure, title)
     note = f"{words.capital(loss(run.summary) or _finding(filtered, None))}."
     return Plot(title, svg, note, _channel_table(run, channel, filtered, time))
@@ -98,28 +111,31 @@ Ends = list[tuple[float, str, str]]  # of lines: value, name, colour
 
 
 def _draw_lines(
-    axes: Axes, time: TimeAxis, t_ns: NDArray[np.int64], lines: Iterable[Any], columns: int, width: float = 1.2
+    axes: Axes, time: TimeAxis, t_ns: NDArray[np.int64], lines: Iterable[Any], columns: int, what: str
 ) -> Ends:
-    """`lines` as `Courses`."""
+    """`lines` as `Courses`; `what` they are, with a place for the name and the unit: "{} loss [W]"."""
     ends = []
     for name, values, colour, dashes in lines:
-        draw(axes, time, t_ns, values, columns, color=colour, linestyle=dashes, linewidth=width)
+        own = {"color": colour, "linestyle": dashes, "linewidth": 1.2, "gid": named(what.format(name))}
+        draw(axes, time, t_ns, values, columns, **own)
         ends.append((float(values[-1]), name, colour))
     return ends
 
 
 def _draw_channel(axes: Axes, channel: Observed, lines: Courses, time: TimeAxis, columns: int) -> None:
-    draw(axes, time, channel.t_ns, channel.measured, columns, channel.used, color=INK[0], linewidth=1.6)
-    ends = _draw_lines(axes, time, channel.t_ns, lines, columns)
-    axes.set_ylabel(f"{words.name(channel.node)}\n[°C]")
+    node = words.name(channel.node)
+    own: Any = {"color": INK[0], "linewidth": 1.6, "gid": named(f"{node} measured [°C]")}
+    draw(axes, time, channel.t_ns, channel.measured, columns, channel.used, **own)
+    ends = _draw_lines(axes, time, channel.t_ns, lines, columns, f"{node} {{}} [°C]")
+    axes.set_ylabel(f"{node}\n[°C]")
     name_lines(axes, [(float(channel.measured[-1]), "measured", INK[0]), *ends])
 
 
 def _draw_left(axes: Axes, channel: Observed, lines: Courses, time: TimeAxis, columns: int) -> None:
     """What each estimate leaves of the measured temperature [K]."""
     around_zero(axes, channel.floor_K)
-    for _, values, colour, dashes in lines:
-        line = {"color": colour, "linestyle": dashes, "linewidth": 1.1}
+    for name, values, colour, dashes in lines:
+        line: Any = {"color": colour, "linestyle": dashes, "linewidth": 1.1, "gid": named(f"residual {name} [K]")}
         draw(axes, time, channel.t_ns, channel.measured - values, columns, channel.used, **line)
     axes.set_ylabel("measured −\neach [K]", fontsize=SMALL)
 
@@ -145,14 +161,14 @@ def _draw_heat(axes: Axes, filtered: Filtered, time: TimeAxis, t_ns: NDArray[np.
     """Smoothed solid, estimated dash-dotted, modelled dashed; grey: two standard deviations of the best of them."""
     best, i = filtered.smoothed or filtered, instants(t_ns.size, columns)
     band = BAND_SD * best.heat_sd_W
-    axes.fill_between(time.of(t_ns[i]), (best.heat_W - band)[i], (best.heat_W + band)[i], **BAND)
+    axes.fill_between(time.of(t_ns[i]), (best.heat_W - band)[i], (best.heat_W + band)[i], gid=MOVING, **BAND)
     lines = [
         ("estimated", filtered.heat_W, COLOURS[0], DASHES[2]),
         ("modelled", filtered.nominal_W, COLOURS[1], DASHES[0]),
     ]
     if filtered.smoothed:
         lines.append(("smoothed", filtered.smoothed.heat_W, COLOURS[3], "-"))
-    ends = _draw_lines(axes, time, t_ns, lines, columns)
+    ends = _draw_lines(axes, time, t_ns, lines, columns, "{} loss [W]")
     axes.axhline(0, color=SOFT[0], linewidth=0.8)
     axes.set_ylabel(f"loss of the\n{words.name(filtered.node)} [W]")
     name_lines(axes, ends)
@@ -162,7 +178,8 @@ def _draw_temperatures(axes: Axes, run: Run, filtered: Filtered, time: TimeAxis,
     """Measured, open loop and filter at the node of the heat; a channel that the filter did not read is called kept."""
     i, ends = run.nodes.index(filtered.node), []
     for o in (o for o in run.observed if o.node == filtered.node):
-        draw(axes, time, o.t_ns, o.measured, columns, o.used, color=COLOURS[2], linewidth=1.4)
+        own: Any = {"color": COLOURS[2], "linewidth": 1.4, "gid": named(f"{o.channel} measured [°C]")}
+        draw(axes, time, o.t_ns, o.measured, columns, o.used, **own)
         name = o.channel if o.channel in filtered.measured else f"{o.channel}, kept"
         ends.append((float(o.measured[-1]), name, COLOURS[2]))
     lines = [
@@ -171,7 +188,7 @@ def _draw_temperatures(axes: Axes, run: Run, filtered: Filtered, time: TimeAxis,
     ]
     if filtered.smoothed:
         lines.append(("smoothed", filtered.smoothed.temperatures[:, i], COLOURS[3], "-"))
-    ends += _draw_lines(axes, time, run.t_ns, lines, columns, width=1.1)
+    ends += _draw_lines(axes, time, run.t_ns, lines, columns, f"{words.name(filtered.node)} {{}} [°C]")
     axes.set_ylabel("temperature\nthere [°C]")
     name_lines(axes, ends)
 

@@ -6,22 +6,21 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from replay.engine.results.run import Run
 from replay.engine.results.summary import HeatBalance, HeatPart, StoredHeat
-from replay.show.plots.plots import WIDTH, over_session, time_axis
+from replay.show.plots.plots import WIDTH, draw_driving, over_session, strip, time_axis
 from replay.show.plots.sankey import draw_flows
 from replay.show.words import heat_words, words
-from replay.show.words.figure import RIGHT, FigureTable, Plot, inline_svg, name_lines, style
+from replay.show.words.figure import FigureTable, Plot, inline_svg, name_lines, named, panels, style
 from replay.show.words.palette import COLOURS, DASHES, INK, SOFT
 from replay.show.words.thin import thin
 
 Floats = NDArray[np.float64]
 Parts = list[tuple[str, float]]  # name, mean [W]
 
-HEIGHT = 3.1  # inches
+FLOWS, APART, COURSE = 1.2, 0.2, 1.0  # inches: height of the bands, to the course below, of the course
 SMOOTH_S = 60.0  # of the course over time: a driving cycle's losses jump every second
 
 
@@ -33,9 +32,12 @@ def heat_balance(run: Run, columns: int) -> Plot | None:
     made, gone = parts_of(losses, run.summary.duration_s)
     title = _title(made, gone)
     with style(f"{run.session} heat"):
-        figure = Figure(figsize=(WIDTH, HEIGHT))
-        draw_flows(figure.add_axes((0.29, 0.58, 0.43, 0.4)), made, gone, "W", _colours(losses))
-        _draw_course(figure.add_axes((0.1, 0.12, RIGHT - 0.1, 0.4)), run, _colours(losses), columns)
+        figure, (axes, *below) = panels(WIDTH, (COURSE, *strip(run)), top=FLOWS + APART)
+        share = FLOWS / figure.get_figheight()
+        draw_flows(figure.add_axes((0.29, 1 - share, 0.43, 0.96 * share)), made, gone, "W", _colours(losses))
+        _draw_course(axes, run, _colours(losses), columns)
+        draw_driving(below, run, columns)
+        over_session((axes, *below)[-1], run)
         svg = inline_svg(figure, title)
     note = f"Above: means over the session; what came in is what went out. Below: means over {SMOOTH_S:.0f} s."
     return Plot(title, svg, note, _table(losses))
@@ -81,11 +83,10 @@ def _draw_course(axes: Axes, run: Run, colours: Mapping[str, str], columns: int)
     lines += [(f"into {name}", taken, colours.get(name, SOFT[0])) for name, taken in taken_by]
     for (name, watts, colour), dashes in zip(lines, ("-", *DASHES), strict=False):
         smooth = _smoothed(watts, round(SMOOTH_S / step_s))
-        axes.plot(*thin(middle, smooth, columns), color=colour, linestyle=dashes, linewidth=1.1)
+        gid = named(f"{name} [W]")
+        axes.plot(*thin(middle, smooth, columns), color=colour, linestyle=dashes, linewidth=1.1, gid=gid)
         ends.append((float(smooth[-1]), name, colour))
-    over_session(axes, run)
     axes.set_ylabel("heat [W]")
-    axes.yaxis.set_label_coords(-0.085, 0.5)
     axes.yaxis.set_major_formatter(lambda value, _: words.number(value))
     name_lines(axes, ends)
 

@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from replay.engine.results.run import Metered, Run
-from replay.show.plots.plots import WIDTH, TimeAxis, around_zero, draw, instants, over_session, time_axis
+from replay.show.plots.plots import (
+    WIDTH,
+    TimeAxis,
+    around_zero,
+    draw,
+    draw_driving,
+    instants,
+    over_session,
+    strip,
+    time_axis,
+)
 from replay.show.words import heat_words, words
-from replay.show.words.figure import KEY_ABOVE, FigureTable, Plot, inline_svg, panels, style
+from replay.show.words.figure import KEY_ABOVE, FigureTable, Plot, inline_svg, named, panels, style
 from replay.show.words.palette import COLOURS, DASHES, INK
 
 Floats = NDArray[np.float64]
@@ -23,14 +35,16 @@ def meter_over_time(run: Run, metered: Metered, columns: int) -> Plot:
     unit, factor = _shown(metered, metered.measured)
     off, off_factor = _shown(metered, metered.residual[metered.used])
     with style(f"{run.session} {metered.channel}"):
-        figure, (upper, lower) = panels(WIDTH, (1.3, 0.8))
-        _draw(upper, time, metered, factor, columns)
+        figure, (upper, lower, *below) = panels(WIDTH, (1.3, 0.8, *strip(run)))
+        _draw(upper, time, metered, (unit, factor), columns)
         around_zero(lower, off_factor * metered.floor)
         residual = off_factor * metered.residual
-        draw(lower, time, metered.t_ns, residual, columns, metered.used, color=COLOURS[0], linewidth=0.9)
+        own: Any = {"color": COLOURS[0], "linewidth": 0.9, "gid": named(f"{metered.channel} residual [{off}]")}
+        draw(lower, time, metered.t_ns, residual, columns, metered.used, **own)
+        draw_driving(below, run, columns)
         upper.set_ylabel(f"{NAMES[metered.quantity]} [{unit}]")
         lower.set_ylabel(f"measured −\nmodel [{off}]")
-        over_session(lower, run)
+        over_session((lower, *below)[-1], run)
         svg = inline_svg(figure, title)
     return Plot(title, svg, "", _table(time, metered, unit, factor))
 
@@ -56,11 +70,13 @@ def _shown(metered: Metered, values: Floats) -> tuple[str, float]:
     return (f"m{symbol}", 1e3) if size < 1.0 else (symbol, 1.0)
 
 
-def _draw(axes: Axes, time: TimeAxis, metered: Metered, factor: float, columns: int) -> None:
+def _draw(axes: Axes, time: TimeAxis, metered: Metered, shown: tuple[str, float], columns: int) -> None:
+    unit, factor = shown
     measured, modelled = factor * metered.measured, factor * metered.modelled
     solid, dashed = {"color": COLOURS[0], "linewidth": 1.4}, {"color": INK[0], "linestyle": DASHES[0], "linewidth": 1.0}
-    draw(axes, time, metered.t_ns, measured, columns, metered.used, **solid, label="measured")
-    draw(axes, time, metered.t_ns, modelled, columns, **dashed, label="model")
+    gids = [named(f"{metered.channel} {what} [{unit}]") for what in ("measured", "model")]
+    draw(axes, time, metered.t_ns, measured, columns, metered.used, **solid, label="measured", gid=gids[0])
+    draw(axes, time, metered.t_ns, modelled, columns, **dashed, label="model", gid=gids[1])
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:,.4g}".replace("-", "−"))
     axes.legend(**KEY_ABOVE, ncols=2, handlelength=2.6)
 

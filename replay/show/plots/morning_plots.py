@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,7 +14,7 @@ from ingest.catalogue.operating_points import OperatingPoints
 from ingest.morning.morning import Before, Night
 from replay.show.plots.plots import ROWS, WIDTH, TimeAxis, draw, instants
 from replay.show.words import words
-from replay.show.words.figure import KEY_ABOVE, FigureTable, Plot, inline_svg, name_lines, panels, style
+from replay.show.words.figure import KEY_ABOVE, FigureTable, Plot, inline_svg, name_lines, named, panels, style
 from replay.show.words.palette import COLOURS, DASHES, INK
 from replay.show.words.thin import thin
 
@@ -40,12 +41,15 @@ def course(night: Night, columns: int) -> Plot | None:
         figure, axes = panels(WIDTH, [0.62] * len(drives) + [1.5] * len(groups), top=0.08)
         for ax, one in zip(axes, drives, strict=False):
             thousand = float(np.abs(one.value).max()) >= THOUSANDS
-            draw(ax, time, one.t_ns, one.value / (1000 if thousand else 1), columns, color=INK[0], linewidth=0.8)
-            ax.set_ylabel(f"{one.spec.quantity}\n[{'1000 ' if thousand else ''}{one.unit}]")
+            unit = f"[{'1000 ' if thousand else ''}{one.unit}]"
+            own: Any = {"color": INK[0], "linewidth": 0.8, "gid": named(f"{one.spec.quantity} {unit}")}
+            draw(ax, time, one.t_ns, one.value / (1000 if thousand else 1), columns, **own)
+            ax.set_ylabel(f"{one.spec.quantity}\n{unit}")
             ax.yaxis.set_major_formatter(lambda value, _: words.number(value))
         for ax, group in zip(axes[len(drives) :], groups, strict=True):
             for one, colour in zip(group, COLOURS, strict=False):
-                draw(ax, time, one.t_ns, one.value, columns, color=colour, linewidth=1.1)
+                own = {"color": colour, "linewidth": 1.1, "gid": named(f"{one.spec.name} [°C]")}
+                draw(ax, time, one.t_ns, one.value, columns, **own)
             ax.set_ylabel("temperature [°C]")
             name_lines(ax, [(float(one.value[-1]), one.spec.name, c) for one, c in zip(group, COLOURS, strict=False)])
         axes[-1].set_xlabel(time.label)
@@ -133,9 +137,12 @@ def beside(before: Before, key: str, columns: int) -> Plot | None:
         offs: list[tuple[float, str, str]] = []
         for one, colour, dashes in zip(courses, COLOURS, DASHES, strict=False):
             t = one.t_s / unit_s
-            ax.plot(*thin(t, one.second, columns), color=colour, linewidth=1.4)
-            ax.plot(*thin(t, one.first, columns), color=colour, linestyle=dashes, linewidth=1.1)
-            lower.plot(*thin(t, one.second - one.first, columns), color=colour, linewidth=1.1)
+            now: Any = {"color": colour, "linewidth": 1.4, "gid": named(f"{one.channel} this run [°C]")}
+            ax.plot(*thin(t, one.second, columns), **now)
+            then: Any = {"color": colour, "linestyle": dashes, "gid": named(f"{one.channel} {before.name} [°C]")}
+            ax.plot(*thin(t, one.first, columns), linewidth=1.1, **then)
+            apart: Any = {"color": colour, "linewidth": 1.1, "gid": named(f"{one.channel} difference [K]")}
+            lower.plot(*thin(t, one.second - one.first, columns), **apart)
             ends.append((float(one.second[np.isfinite(one.second)][-1]), one.channel, colour))
             off = one.second - one.first
             offs.append((float(off[np.isfinite(off)][-1]), one.channel, colour))

@@ -119,8 +119,7 @@ def over_time(run: Run, group: Sequence[Observed], columns: int) -> Plot:
     worst = next(error for error in worst_first(run.summary) if error.channel in mine)
     title = finding(worst)
     with style(f"{run.session} {group[0].channel}"):
-        strip = [STRIP] * bool(driving(run))
-        figure, (upper, lower, *below) = panels(WIDTH, (1.3, 0.75, *strip))
+        figure, (upper, lower, *below) = panels(WIDTH, (1.3, 0.75, *strip(run)))
         draw_temperatures(upper, run, group, columns)
         draw_residuals(lower, run, group, columns)
         draw_driving(below, run, columns)
@@ -134,6 +133,11 @@ def driving(run: Run) -> list[str]:
     known = [name for name, values in run.inputs.items() if np.isfinite(values).any()]
     load = next((name for name in ("current_A", "torque_Nm") if name in known), None)
     return [name for name in ("speed_rpm", load) if name in known]
+
+
+def strip(run: Run) -> list[float]:
+    """The height of the panel of inputs under a plot [inches]; none where no input is known."""
+    return [STRIP] * bool(driving(run))
 
 
 def draw_driving(below: Sequence[Axes], run: Run, columns: int) -> None:

@@ -13,7 +13,7 @@ from replay.engine.results.run import Observed, Run
 from replay.show.plots.error_maps import residual_colours
 from replay.show.plots.plots import STRIP, WIDTH, draw_driving, driving, over_session, time_axis
 from replay.show.words import words
-from replay.show.words.figure import BOTTOM, LEFT, RIGHT, FigureTable, Plot, inline_svg, style
+from replay.show.words.figure import BOTTOM, LEFT, MOVING, RIGHT, FigureTable, Plot, inline_svg, style
 from replay.show.words.findings import direction, mean_error, worst_first
 from replay.show.words.palette import SOFT
 
@@ -70,6 +70,7 @@ def _draw(run: Run, shown: Sequence[Observed], means: Floats, columns: int) -> F
     known = np.ma.masked_invalid(means)
     drawn = axes.pcolormesh(edges, np.arange(len(shown) + 1), known, cmap=colours.cmap)
     drawn.set_clim(*colours.get_clim())
+    drawn.set_gid(MOVING)
     drawn.set_edgecolor("face")
     drawn.set_linewidth(0.2)
     _rows(axes, shown)
@@ -77,8 +78,6 @@ def _draw(run: Run, shown: Sequence[Observed], means: Floats, columns: int) -> F
     if below:
         lowest = figure.add_axes((left, BOTTOM / height, RIGHT - left, below / height), sharex=axes)
         draw_driving([lowest], run, columns)
-        for line in lowest.lines:
-            line.set_gid(None)  # the page's script would zoom it, and not the rows above
         lowest.yaxis.label.set_visible(False)
         axes.tick_params(labelbottom=False)
     over_session(lowest, run)

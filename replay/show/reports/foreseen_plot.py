@@ -10,7 +10,7 @@ import numpy as np
 from replay.show.plots.compare import MODELS
 from replay.show.plots.plots import WIDTH, around_zero
 from replay.show.words import words
-from replay.show.words.figure import KEY_ABOVE, FigureTable, Plot, inline_svg, panels, style
+from replay.show.words.figure import KEY_ABOVE, FigureTable, Plot, inline_svg, named, panels, style
 from replay.show.words.palette import rival_lines
 from replay.studies.diagnosis.answer import Diagnosis, ForeseenTest
 
@@ -23,10 +23,10 @@ def foreseen_plot(diagnosis: Diagnosis) -> Plot | None:
     test = diagnosis.foreseen
     if test is None:
         return None
-    named = [cause.id for cause in diagnosis.causes if cause.id in test.reads]
-    first = [name for name in (RECALIBRATED, *named) if name in test.reads]
+    causes = [cause.id for cause in diagnosis.causes if cause.id in test.reads]
+    first = [name for name in (RECALIBRATED, *causes) if name in test.reads]
     test = replace(test, reads={name: test.reads[name] for name in dict.fromkeys([*first, *test.reads])})
-    to = (named or [*test.reads])[0]
+    to = (causes or [*test.reads])[0]
     title = _title(test, to)
     with style(f"{diagnosis.diagnosis} foreseen"):
         figure, (upper, lower) = panels(WIDTH, (1.3, 1.0), top=0.1 + LINE * len(test.reads))
@@ -34,9 +34,10 @@ def foreseen_plot(diagnosis: Diagnosis) -> Plot | None:
         minutes, reference = np.array(test.t_s) / 60, np.array(test.reads[to])
         others = iter(rival_lines())
         for name, reads in test.reads.items():
-            line: dict[str, Any] = _line(name, named) or next(others)
-            upper.plot(minutes, reads, **line, label=_called(name, named))
-            lower.plot(minutes, np.array(reads) - reference, **line)
+            line: dict[str, Any] = _line(name, causes) or next(others)
+            label = _called(name, causes)
+            upper.plot(minutes, reads, **line, label=label, gid=named(f"{label} [°C]"))
+            lower.plot(minutes, np.array(reads) - reference, **line, gid=named(f"{label}, apart [K]"))
         upper.legend(**KEY_ABOVE, ncols=1, handlelength=2.6, labelspacing=0.2)
         upper.set_ylabel(f"{test.channel}\n[°C]")
         lower.set_ylabel("apart [K]")
@@ -44,21 +45,21 @@ def foreseen_plot(diagnosis: Diagnosis) -> Plot | None:
         lower.set_xlim(0, minutes[-1])
         svg = inline_svg(figure, title)
     note = (
-        f"Below: each reading less the one {_called(to, named)}. Grey: what {test.channel} may be off, one standard "
+        f"Below: each reading less the one {_called(to, causes)}. Grey: what {test.channel} may be off, one standard "
         "deviation. Nothing is fitted on the test, as its inputs are known beforehand."
     )
-    return Plot(title, svg, note, _table(test, named))
+    return Plot(title, svg, note, _table(test, causes))
 
 
-def _line(name: str, named: list[str]) -> dict[str, Any] | None:
-    key = RECALIBRATED if name == RECALIBRATED else "extended" if name in named else None
+def _line(name: str, causes: list[str]) -> dict[str, Any] | None:
+    key = RECALIBRATED if name == RECALIBRATED else "extended" if name in causes else None
     return MODELS[key].line if key else None
 
 
-def _called(name: str, named: list[str]) -> str:
+def _called(name: str, causes: list[str]) -> str:
     if name == RECALIBRATED:
         return "recalibrated, without a cause"
-    return f"with {name}" if name in named else f"if it were {name}"
+    return f"with {name}" if name in causes else f"if it were {name}"
 
 
 def _title(test: ForeseenTest, to: str) -> str:
@@ -75,7 +76,7 @@ def _title(test: ForeseenTest, to: str) -> str:
     return f"{test.says}: if {truth}, {test.channel} reads {span} otherwise, {off}"
 
 
-def _table(test: ForeseenTest, named: list[str]) -> FigureTable:
-    head = ("time [min]", *(f"{_called(name, named)} [°C]" for name in test.reads))
+def _table(test: ForeseenTest, causes: list[str]) -> FigureTable:
+    head = ("time [min]", *(f"{_called(name, causes)} [°C]" for name in test.reads))
     rows = zip(test.t_s, *test.reads.values(), strict=True)
     return FigureTable(head, tuple((f"{row[0] / 60:.1f}", *(f"{value:.2f}" for value in row[1:])) for row in rows))

@@ -3,13 +3,15 @@ rivals."""
 
 from __future__ import annotations
 
+from typing import Any
+
 from matplotlib.axes import Axes
 
 from replay.show.plots.compare import MODELS
 from replay.show.plots.plots import WIDTH
 from replay.show.reports.verdict import figures, unit
 from replay.show.words import words
-from replay.show.words.figure import KEY_ABOVE, FigureTable, Plot, inline_svg, name_lines, panels, style
+from replay.show.words.figure import KEY_ABOVE, MOVING, FigureTable, Plot, inline_svg, name_lines, named, panels, style
 from replay.show.words.palette import SERIES, SOFT, rival_lines
 from replay.studies.diagnosis.answer import Diagnosis, LawCourse
 
@@ -48,18 +50,21 @@ def _title(law: LawCourse) -> str:
 
 def _draw(axes: Axes, law: LawCourse) -> None:
     for low, high in law.trained_rpm:
-        axes.axvspan(low, high, color=SOFT[0], alpha=0.1, linewidth=0)
-    axes.fill_between(law.speed_rpm, law.low, law.high, color=SERIES["green"][0], alpha=0.18, linewidth=0)
+        axes.axvspan(low, high, color=SOFT[0], alpha=0.1, linewidth=0, gid=MOVING)
+    band: Any = {"color": SERIES["green"][0], "alpha": 0.18, "linewidth": 0, "gid": MOVING}
+    axes.fill_between(law.speed_rpm, law.low, law.high, **band)
     ends = []
     for key, values in (
         ("published", law.published),
         ("recalibrated", law.recalibrated),
         ("extended", law.extended),
     ):
-        axes.plot(law.speed_rpm, values, **MODELS[key].line)
+        gid = named(f"{MODELS[key].label} [{law.unit}]")
+        axes.plot(law.speed_rpm, values, **MODELS[key].line, gid=gid)
         ends.append((values[-1], MODELS[key].label, MODELS[key].colour))
     for (name, values), line in zip(law.rivals.items(), rival_lines(), strict=False):
-        axes.plot(law.speed_rpm, values, **line, label=f"rival: {name}")
+        label = f"rival: {name}"
+        axes.plot(law.speed_rpm, values, **line, label=label, gid=named(f"{label} [{law.unit}]"))
     if law.rivals:
         axes.legend(**KEY_ABOVE, ncols=1, handlelength=2.6, labelspacing=0.2)
     axes.set_xlim(law.speed_rpm[0], law.speed_rpm[-1])

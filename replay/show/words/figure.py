@@ -53,8 +53,9 @@ STYLE: Any = {
 KEY_ABOVE: Any = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "frameon": False, "borderpad": 0}  # of a key
 BAND: Any = {"color": SOFT[0], "alpha": 0.22, "linewidth": 0}  # within which nothing can be told
 LINE_ID, AXES_ID = "line: ", "axes: "  # how ids begin that tell the page's script what a line and its axes are
+MOVING = "band: "  # the id of what else moves along the axis with the lines: a band, a shade, rows of colours
 PART_ID, FLOW_ID, SAYS_ID = "part: ", "flow: ", "says: "  # and what changes over time: an area, a width, a name
-HOOKS = {LINE_ID: "data-line", AXES_ID: "data-axes", "xtick_": "data-tick"}
+HOOKS = {LINE_ID: "data-line", AXES_ID: "data-axes", MOVING: "data-band", "xtick_": "data-tick"}
 HOOKS |= {PART_ID: "data-part", FLOW_ID: "data-flow", SAYS_ID: "data-says"}
 LEFT, BOTTOM = 0.112, 0.42  # share of the width, inches: for the axes' titles
 RIGHT = 0.835  # share of the width at which the axes end: names stand behind it
@@ -123,7 +124,7 @@ def inline_svg(figure: Figure, label: str) -> str:
     """The figure as an `<svg>` element for a page, in its font and colours: no prolog, two decimals, no ids but those
     it refers to."""
     for axes in figure.axes:
-        if any((line.get_gid() or "").startswith(LINE_ID) for line in axes.lines):
+        if any((drawn.get_gid() or "").startswith((LINE_ID, MOVING)) for drawn in axes.get_children()):
             edges = (*axes.get_xlim(), *axes.get_ylim())
             axes.set_gid(AXES_ID + " ".join(f"{edge:.9g}" for edge in edges))
     text = _svg(figure, {"Date": None, "Creator": None, "Type": None, "Format": None})

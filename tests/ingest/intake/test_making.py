@@ -82,8 +82,11 @@ def test_workers_make_the_files_of_this_process_and_again_from_sealed_bytes(logs
             assert [line.split(":")[0] for line in intake.refusals] == ["broken.csv"]
             found.append(made(store))
             shutil.rmtree(tmp_path / name / "decoded" / next(iter(found[0])).split("/")[0])
-            redecode(store, facts.at(store.ledger), workers)
+            told: list[str] = []
+            redecode(store, facts.at(store.ledger), workers, told.append)
             found.append(made(store))
+            counts = [line.partition(": ")[0] for line in told]
+            assert counts == [f"made again {number} of {len(told)}" for number in range(1, len(told) + 1)] != []
     assert len(found[0]) >= len(logs) - 1
     assert found == [found[0]] * 4
 

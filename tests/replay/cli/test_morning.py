@@ -14,6 +14,7 @@ from ingest.catalogue.kinds import wltc
 from ingest.facts.events import ClockAligned
 from ingest.facts.store import Store
 from made import can_bench
+from made.browser import faults
 from made.places import ROOT
 from made.repeated import BENCH, write_table
 from replay.cli import main
@@ -56,6 +57,7 @@ def test_the_report_is_one_file_with_pictures_and_the_same_bytes_again(
     lab: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(lab)
+    assert faults(lab / "night.html") == []
     first = (lab / "night.html").read_bytes()
     assert main([*ASKED, "--store", "store"]) == 0
     assert (lab / "night.html").read_bytes() == first

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from made.browser import faults
 from made.places import ROOT
 from made.repeated import BENCH, write_table
 from replay.cli import main
@@ -54,7 +55,7 @@ def test_runs_that_repeat_say_so_in_the_report_too(store: Path, tmp_path: Path, 
     report = tmp_path / "repeat.html"
     assert main(["repeat", "evening_1", "evening_0", "--store", str(store), "--report", str(report)]) == 0
     page = report.read_text(encoding="utf-8").replace("\N{NO-BREAK SPACE}", " ")
-    assert page.count("<svg") == 1
+    assert page.count("<svg") == 1 and faults(report) == []
     assert "<code>whyhot lineage evening_1</code>, <code>whyhot lineage evening_0</code>" in page
     assert "evening_0 reads as evening_1 where both were driven alike" in page
     assert "the ledger knows of nothing that changed" in page

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,61 +10,51 @@ import numpy as np
 import pytest
 
 from made.ageing import aged
-from made.browser import LABELS, as_it_stands, axe, in_browser
-from made.diagnoses import NAMED, runs
-from made.runs import heated, made_run
-from made.seen import network
-from replay.engine.results.run import Run
+from made.browser import as_it_stands, faults, in_browser
+from made.diagnoses import KEPT, NAMED, TRAIN, runs, session_id
+from made.pictured import with_all_pictures
+from made.runs import made_run
+from made.seen import filtered, network
 from replay.show.reports.ageing_report import write_ageing_report
 from replay.show.reports.diagnosis_report import write_diagnosis_report
 from replay.show.reports.report import ReportContext, write_report
 
 CONTEXT = ReportContext(command="whyhot report", store_head="4f0c91", versions={"whyhot": "0.1.0"})
-LONG = "endwinding_b_outer_turn_3_of_phase_v"
 
 
-def with_a_long_name() -> Run:
-    """Its winding is called LONG."""
-    run = made_run(masked=(100, 400))
-    nodes = (LONG, *run.nodes[1:])
-    observed = tuple(replace(o, node=LONG if o.node == "winding" else o.node) for o in run.observed)
-    channels = [replace(c, node=LONG if c.node == "winding" else c.node) for c in run.summary.channels]
-    regions = dict.fromkeys(nodes, "copper")
-    summary = replace(run.summary, channels=channels)
-    return replace(run, nodes=nodes, regions=regions, observed=observed, summary=summary)
-
-
-@pytest.fixture(scope="module", params=["report", "diagnosis", "ageing"])
-def page(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    target = tmp_path_factory.mktemp(request.param) / "page.html"
-    if request.param == "report":
-        kinds = {"copper_dc": 600.0, "copper_ac": 150.0, "iron": 200.0, "magnet": 4.0, "mechanical": 4.0, "other": 1.0}
-        taken = {"coolant": 900.0, LONG: 1.0, "ambient": 1.0, "plate": -50.0}
-        write_report([heated(with_a_long_name(), kinds, taken), made_run("2_s2")], target, CONTEXT)
-    elif request.param == "ageing":
-        write_ageing_report(aged(), target, CONTEXT)
-    else:
-        write_diagnosis_report(NAMED, runs(), network(), "", target, CONTEXT)
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    target = tmp_path_factory.mktemp("report") / "page.html"
+    write_report([with_all_pictures(), made_run("2_s2")], target, CONTEXT)
     return target
 
 
-def test_no_label_of_a_picture_is_cut_or_lies_over_another(page: Path) -> None:
-    assert in_browser(page, LABELS) == []
+@pytest.fixture(scope="module")
+def diagnosis(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """With a filter over one of its sessions."""
+    target = tmp_path_factory.mktemp("diagnosis") / "page.html"
+    of_sessions = runs(names=(TRAIN[0], KEPT[-1]))
+    kept = of_sessions[session_id(KEPT[-1])]
+    kept["published"] = replace(kept["published"], filtered=filtered())
+    write_diagnosis_report(NAMED, of_sessions, network(), "", target, CONTEXT)
+    return target
 
 
-def test_on_a_telephone_pictures_stay_readable_and_the_page_is_no_wider_than_the_screen(page: Path) -> None:
-    script = """
-    const heights = [...document.querySelectorAll("svg text")].map(text => text.getBoundingClientRect().height);
-    const whole = document.documentElement;
-    return [whole.scrollWidth - whole.clientWidth, Math.min(...heights.filter(height => height > 0))];
-    """
-    beyond, smallest = in_browser(page, script, width=390)
-    assert beyond <= 0
-    assert smallest >= 9
+@pytest.fixture(scope="module")
+def ageing(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    target = tmp_path_factory.mktemp("ageing") / "page.html"
+    write_ageing_report(aged(), target, CONTEXT)
+    return target
 
 
-def test_nothing_keeps_people_who_see_little_or_use_no_mouse_from_a_page(page: Path) -> None:
-    assert in_browser(page, axe(), width=390) == []
+@pytest.fixture(params=["report", "diagnosis", "ageing"])
+def page(request: pytest.FixtureRequest) -> Path:
+    found: Path = request.getfixturevalue(request.param)
+    return found
+
+
+def test_a_page_is_as_it_should_be_however_wide_the_screen_and_whoever_reads_it(page: Path) -> None:
+    assert faults(page) == []
 
 
 def test_contents_lead_to_every_section(page: Path) -> None:
@@ -76,6 +67,15 @@ def test_contents_lead_to_every_section(page: Path) -> None:
     sections = in_browser(page, script)
     assert len(sections) > 3
     assert all(title == link for title, link in sections)
+
+
+def test_values_can_be_read_off_every_line_over_time_or_speed_with_what_drove_the_motor_below(page: Path) -> None:
+    text = re.sub(r"<h2[^>]*>Where in operation.*?</section>", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    drawn = re.findall(r'<svg [^>]*aria-label="([^"]*)">(.*?)</svg>', text)
+    over = [(title, svg) for title, svg in drawn if re.search(r">(?:time since start|speed) \[", svg)]
+    assert {title for title, svg in over if "data-line" not in svg} == set()
+    alone = [title for title, svg in over if 'data-line="speed [of' not in svg]
+    assert all(title.startswith(("What drove it", "S1 at", "Magnet at 12,000 rpm")) for title in alone), alone
 
 
 POINT = """
@@ -134,6 +134,31 @@ def test_a_brush_shows_the_same_time_in_every_plot_of_the_session_and_the_csv_ho
     assert ticks and all(9.9 <= tick <= 20.1 for tick in ticks)
 
 
+def test_bands_and_rows_of_colours_go_along_with_the_lines_that_are_zoomed(report: Path) -> None:
+    script = """
+    zoom(plots[0], [10, 20]);
+    return plots.filter(plot => plot.zoomed()).flatMap(plot => plot.panels).flatMap(({box, lines, moves}) => {
+      const xs = moves.slice(lines.length).flatMap(({path}) => points(path.getAttribute("d")).flat().map(([x]) => x));
+      return xs.length ? [(Math.max(...xs) - Math.min(...xs)) / (box.right - box.left)] : [];
+    });
+    """
+    wide = in_browser(report, script)
+    assert wide == pytest.approx([4.0, 4.0], abs=0.01), "the strip of residuals, the estimated heat"
+
+
+def test_a_brush_over_speed_leaves_what_is_over_time(diagnosis: Path) -> None:
+    script = """
+    const law = plots.find(plot => plot.unit === "rpm");
+    at(law, "pointerdown", 0.25);
+    at(law, "pointerup", 0.5);
+    at(law, "pointermove", 0.5);
+    return [law.seen, plots.filter(plot => plot.zoomed()).length, law.told.textContent];
+    """
+    seen, zoomed, told = in_browser(diagnosis, POINT + script)
+    assert (seen, zoomed) == (pytest.approx([4000.0, 8000.0], abs=10.0), 1)
+    assert told.startswith("6,000 rpm: as published [W] ")
+
+
 def test_temperatures_stand_over_speed_where_that_is_asked_for(one: Path) -> None:
     script = """
     const press = [...document.querySelectorAll("button")].find(made => made.textContent === "over speed");
@@ -152,9 +177,7 @@ def test_temperatures_stand_over_speed_where_that_is_asked_for(one: Path) -> Non
     assert not shown
 
 
-def test_a_slider_leads_the_picture_of_the_cut_through_the_session(page: Path) -> None:
-    if "data-over-time" not in page.read_text(encoding="utf-8"):
-        pytest.skip("only the report of a diagnosis has it")
+def test_a_slider_leads_the_picture_of_the_cut_through_the_session(diagnosis: Path) -> None:
     script = """
     const svg = document.querySelector("svg[data-over-time]"), slider = svg.closest("figure").querySelector("input");
     const shown = () => [svg.querySelector("[data-part='rotor_surface'] path").style.fill,
@@ -165,7 +188,7 @@ def test_a_slider_leads_the_picture_of_the_cut_through_the_session(page: Path) -
     slider.dispatchEvent(new Event("input"));
     return [still, shown()];
     """
-    still, first = in_browser(page, script)
+    still, first = in_browser(diagnosis, script)
     assert still[1] == "rotor surface +6.0 K" and first[1] == "rotor surface −0.2 K" and first[3] == "0:00:25"
     assert still[0] != first[0] and float(first[2]) < float(still[2]), "nothing flows in a motor of one temperature"
 

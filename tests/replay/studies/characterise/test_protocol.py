@@ -18,6 +18,7 @@ import pytest
 from ingest.facts import facts
 from ingest.facts.store import Store
 from made import can_bench
+from made.browser import faults
 from replay.cli import main
 from replay.show.verbs.protocol import filter_notes, next_points
 from replay.studies.characterise.protocol import Proposal, Protocol, run_protocol
@@ -168,6 +169,12 @@ def test_the_report_asks_for_nothing_and_shows_every_part(bench: Path, answer: M
     assert main(["lineage", calibration, "--store", str(bench / "store")]) == 0
     assert answer["model"][:12] in page
     assert page.count("<svg") >= 4
+
+
+def test_the_report_is_as_it_should_be_however_wide_the_screen_and_whoever_reads_it(
+    bench: Path, answer: Mapping[str, Any]
+) -> None:
+    assert answer["schema"] and faults(bench / "report.html") == []
 
 
 def test_text_says_the_gain_and_the_next_point(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from made.browser import faults
 from made.fleet import Fleet
 from replay.cli import main
 
@@ -37,6 +38,7 @@ def test_a_change_is_a_page_with_every_number_down_to_its_records(
     assert magnet["sessions"] == 2
     assert magnet["before_K"] > 10 * magnet["after_K"]
 
+    assert faults(page) == []
     text = page.read_text(encoding="utf-8").replace("\N{NO-BREAK SPACE}", " ")
     for part in ("May this be what the motor is?", found["replaced"][0]["new"], "Looked at by", "whyhot retract"):
         assert part in text
