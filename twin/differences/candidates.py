@@ -22,7 +22,7 @@ from twin.motor.features import Monomial, is_flow, is_known, monomials, product,
 from twin.motor.network import Network, Term
 from twin.motor.paths import Place, links_with_groups, missing, terms_at
 from twin.motor.sensor import Sensor
-from twin.motor.sensor_laws import AMBIENT, SENSOR_LAWS, Exchange, Misreading
+from twin.motor.sensor_laws import AMBIENT, SENSOR_LAWS, Exchange, Lag, Misreading
 
 Places = tuple[Place, ...]
 
@@ -94,6 +94,7 @@ CONVECTION = ("constant", "speed", "speed1.5")
 COOLING = ("", "0.5")  # exponents of the flow
 _LIKE_AN_EXPONENT = re.compile(r"[a-z]\d+$")  # `flow_loop1`: an id would read a flow_loop to the first power
 _TURNING = ("rotor", "magnet", "bearing")
+_READ_TURNING = ("rotor", "magnet")  # of a bearing it is the ring that stands which is read
 
 
 def generate(network: Network, channels: Sequence[Sensor], inputs: Sequence[InputChannel]) -> tuple[Candidate, ...]:
@@ -110,7 +111,7 @@ def generate(network: Network, channels: Sequence[Sensor], inputs: Sequence[Inpu
         *_conductances(network, features),
         *_capacities(network),
         *_boundaries(network),
-        *_sensors(network, channels),
+        *_sensors(network, channels, features),
         *_clocks(channels, inputs),
         *_inputs(network, inputs),
         *_ageing(network),
@@ -305,18 +306,37 @@ def sensor_place(channel: Sensor, channels: Sequence[Sensor]) -> str:
     return channel.node if (alone or own) == [channel] else f"{channel.node}@{spelt(channel.name)}"
 
 
-def _sensors(network: Network, channels: Sequence[Sensor]) -> Iterator[Candidate]:
-    ambient = any(boundary.name == AMBIENT for boundary in network.boundaries)
+def _sensors(network: Network, channels: Sequence[Sensor], features: frozenset[str]) -> Iterator[Candidate]:
+    ambient = {AMBIENT} & {boundary.name for boundary in network.boundaries}
+    turning = {node.name for node in network.nodes if node.region in _READ_TURNING}
     places = {c.name: sensor_place(c, channels) for c in channels}
     for channel in channels:
         for one in SENSOR_LAWS:
-            if ambient or not (issubclass(one, Misreading) and one.of_ambient):
+            if _can_misread(one, channel, ambient | features, turning):
                 cause = Cause("sensor", places[channel.name], one.law)
-                yield Candidate(cause, one.unit, Sigma(one.sd), one.sign, one(channel.name))
+                yield Candidate(cause, one.unit, Sigma(_sd(one, network)), one.sign, one(channel.name))
     for a, b in combinations(channels, 2):
         if a.bus == b.bus and a.weights != b.weights:
             cause = Cause("sensor", places[a.name], f"swap_{places[b.name]}")
             yield Candidate(cause, "1", Sigma(1.0), 1, Exchange(a.name, b.name))
+
+
+def _can_misread(
+    law: type[Misreading | Lag], channel: Sensor, given: Collection[str], turning: Collection[str]
+) -> bool:
+    """Whether what the law goes with is `given`, and its place turns (is one of the nodes `turning`) where it goes with
+    speed."""
+    if not issubclass(law, Misreading):
+        return True
+    beside = AMBIENT if law.of_ambient else law.of_input
+    return (not beside or beside in given) and (law.of_input != "speed" or channel.node in turning)
+
+
+def _sd(law: type[Misreading | Lag], network: Network) -> float:
+    """The prior size of a law's amount on this motor, in its unit."""
+    if issubclass(law, Misreading) and law.of_input:
+        return law.sd * law.per / network.scale[law.of_input]
+    return law.sd
 
 
 def _clocks(channels: Sequence[Sensor], inputs: Sequence[InputChannel]) -> Iterator[Candidate]:

@@ -109,7 +109,7 @@ class Readings:
             self.late_s = self.late_s + late.sign * float(run.beta[p]) * sensing.late_by(late)
         self.truth: Floats = run.edges @ self.weights
         self.followed = lagged(self.truth, self.lag_s, self.step_s)  # by the sensor itself
-        self.seen = Seen(self.followed, sensing.circuit.edges_s)
+        self.seen = Seen(self.followed, sensing.circuit.edges_s, sensing.circuit.magnitudes)
 
     def _sum(self, kind: type[Action]) -> float:
         return float(sum(self.run.beta[p] for p, _ in self.sensing.of(self.k, kind)))
