@@ -106,7 +106,7 @@ def correct(file: str, channels: Sequence[Channel], corrections: Iterable[Correc
     for one in corrections:
         _check(file, one)
         at = _places(file, one, now)
-        if one.law == "lag":
+        if one.law == "lag" and at:  # of a clock it is told where the bus is known
             now[at[0]] = _slower(file, now[at[0]], one)
         elif one.law.startswith(SWAP):
             a, b = (now[i] for i in at)
@@ -131,6 +131,11 @@ def true_times(t_ns: Times, corrections: Iterable[Correction], bus: str, start_n
         if (one.kind, one.place) == ("clock", spelt(bus)) and one.rule.true_stamps is not None:
             t_ns = one.rule.true_stamps(t_ns, one.amount, start_ns)
     return t_ns
+
+
+def logger_lag_s(corrections: Iterable[Correction], bus: str) -> float:
+    """By how much more slowly than stated everything follows that a bus records [s]."""
+    return sum(one.amount for one in corrections if (one.kind, one.place, one.law) == ("clock", spelt(bus), "lag"))
 
 
 def true_values(value: Array, steps: Iterable[Correction], beside: Surroundings) -> Array:

@@ -102,6 +102,8 @@ LAWS: Mapping[str, Mapping[str, CorrectionLaw]] = {
         "offset": CorrectionLaw(true_stamps=lambda t_ns, a, _: t_ns - round(a * 1e9)),  # stamps late by a [s]
         # Stamps late by a t [ppm], t since the start of the session.
         "drift": CorrectionLaw(true_stamps=_without_drift, turn=ADDED),
+        # All that it records follows more slowly, by a first-order lag [s]: added to `time_constant_s` (`slowed`).
+        "lag": CorrectionLaw(fits=lambda a: a >= 0.0, refusal="is no lag: its amount must be 0 or more"),
     },
     "input": {"gain": GAIN, "bias": BIAS},
     "boundary": {"bias": BIAS},

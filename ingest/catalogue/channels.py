@@ -257,7 +257,8 @@ def _of_file(
             kept[kept], t_ns = inside, t_ns[inside]
         if len(t_ns):
             stored = value[kept] if one.decode.bench else source.spec.conversion(value[kept])
-            yield _Piece(source.spec, source.steps, one.decode.raw, one.clocks[group], t_ns, record[kept], stored)
+            spec, bus = one.as_logged(source), one.clocks[group]
+            yield _Piece(spec, source.steps, one.decode.raw, bus, t_ns, record[kept], stored)
 
 
 def _beside(pieces: Mapping[str, Sequence[_Piece]], start_ns: int) -> _Beside:

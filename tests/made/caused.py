@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ingest.bench.bench_file import Bench, read_bench
 from ingest.bench.channel import Channel
-from ingest.bench.corrections import correct, true_times, true_values
+from ingest.bench.corrections import correct, logger_lag_s, true_times, true_values
 from ingest.bench.laws import Surroundings
 from made.motor import AMBIENT_DEGC, CHANNELS, COOLANT_DEGC, FINE_S, SINGLE, Drive
 from replay.engine.files.bench_text import corrected
@@ -238,7 +238,8 @@ def shown(bench: Bench, network: Network, drive: Drive, has: Callable[[Motor, Dr
     found = {}
     for name, bus in BUSES.items():
         channel = by_name[name][0]
-        truth = lagged(_followed(channel, ran), channel.time_constant_s, FINE_S)
+        tau_s = channel.time_constant_s + logger_lag_s(bench.corrections, bus)
+        truth = lagged(_followed(channel, ran), tau_s, FINE_S)
         reading = truth
         for _ in range(PUT_ON):
             reading = reading + truth - true(name, reading, edges_s)

@@ -144,6 +144,15 @@ class Late:
 
 
 @dataclass(frozen=True)
+class Smoothed:
+    """All channels of a logger follow p [s] more slowly than stated, by one first-order lag."""
+
+    channels: tuple[str, ...]
+    law = "lag"
+    unit = "s"
+
+
+@dataclass(frozen=True)
 class HeatTent:
     """p [W] * tent into a node: one of those that make up a free heat, at `time_s` of its test."""
 
@@ -154,8 +163,8 @@ class HeatTent:
 
 OnTerms = Scale | Power | Tent | Course | InputGain | InputBias
 OnTemperatures = Added | Tilt | Capacity | Attached | Start | BoundaryBias | HeatTent
-OnReading = Misreading | Lag | Beside | Late
-OnBench = Misreading | Lag | Late | BoundaryBias | InputGain | InputBias  # what a bench file corrects
+OnReading = Misreading | Lag | Beside | Late | Smoothed
+OnBench = Misreading | Lag | Late | Smoothed | BoundaryBias | InputGain | InputBias  # what a bench file corrects
 Action = OnTerms | OnTemperatures | OnReading
 
 

@@ -85,9 +85,9 @@ def named(naming: Naming, refit: Refit, train: Sequence[SessionRecorded], kept: 
     first = entered(naming, refit.candidate)
     apart = told_apart(first, refit.candidate, naming.log_bf_instead)
     others = [member.candidate for member in apart.others]
-    improved = kept is not None and kept.improved and not refit.candidate.repeated
+    improved = kept is not None and kept.improved and refit.candidate.sayable
     why = kept.why if kept else "no session was kept: say --hold-out"
-    if refit.candidate.repeated:
+    if not refit.candidate.sayable:
         why = "what changes from session to session is said by no file"
     return Named(
         id=str(cause),
@@ -112,7 +112,7 @@ def named(naming: Naming, refit: Refit, train: Sequence[SessionRecorded], kept: 
         improved=improved,
         why_not_improved=None if improved else why,
         times_usual=abs(refit.amplitude) / refit.parameter.sd,
-        sayable=not refit.candidate.repeated,
+        sayable=refit.candidate.sayable,
         evidence=evidence_parts(naming, refit),
         stands=_stands(refit),
     )

@@ -95,6 +95,7 @@ CORRECTIONS = {
     "input.current.gain": 0.05,
     "input.flow.bias": 0.5,
     "clock.hot.offset": 4.0,
+    "clock.hot.lag": 2.5,
     "clock.water.drift": 500.0,
     "clock.elsewhere.offset": 60.0,
 }
@@ -171,8 +172,9 @@ def test_loaded_values_and_times_are_the_truth(store_folder: Path) -> None:
     for name, channel in channels.items():
         assert channel.value == pytest.approx(TRUTH[name], abs=1e-9), name
         assert (channel.t_ns - START_NS) / 1e9 == pytest.approx(T_S, abs=2e-6), name
-    assert channels["T_magnet"].spec.time_constant_s == 6.0
-    assert channels["T_teeth"].spec.time_constant_s == 0.0
+    assert channels["T_magnet"].spec.time_constant_s == 8.5
+    assert channels["T_teeth"].spec.time_constant_s == 2.5
+    assert channels["T_water"].spec.time_constant_s == 0.0
 
 
 def test_before_the_acceptance_everything_is_as_it_was_read(store_folder: Path) -> None:
