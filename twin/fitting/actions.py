@@ -145,7 +145,8 @@ class Late:
 
 @dataclass(frozen=True)
 class Smoothed:
-    """All channels of a logger follow p [s] more slowly than stated, by one first-order lag."""
+    """All channels of a logger follow p [s] more slowly than stated: to the delay of each, its sensor's first-order lag
+    and the logger's are one whose time constant is their sum."""
 
     channels: tuple[str, ...]
     law = "lag"
