@@ -52,7 +52,7 @@ def network_of(found: Fit, monomials: Sequence[features.Monomial]) -> Network:
                 pass  # no part of a motor, like what follows
             case actions.Start() | actions.HeatTent() | Misreading() | Lag() | actions.Beside():
                 pass
-            case actions.Late() | actions.Smoothed():
+            case actions.Late() | actions.Slowed():
                 pass
             case _:
                 assert_never(parameter.action)

@@ -382,7 +382,7 @@ def _loggers(channels: Sequence[Sensor], inputs: Sequence[InputChannel]) -> Iter
     buses = dict.fromkeys(c.bus for c in channels)
     several = bool(inputs) and len({*buses, *(i.bus for i in inputs)}) > 1
     for bus in buses if several else ():
-        smoothed = actions.Smoothed(tuple(c.name for c in channels if c.bus == bus))
+        smoothed = actions.Slowed(tuple(c.name for c in channels if c.bus == bus))
         if len(smoothed.channels) > 1:
             cause = Cause("clock", spelt(bus), smoothed.law)
             yield Candidate(cause, smoothed.unit, Sigma(LOGGER_LAG_S), 1, smoothed)

@@ -45,7 +45,7 @@ class Proposals:
                 return replace(action, rms=self.rms(feature)), 1.0
             case actions.Tilt():
                 return self._tilt(action)
-            case actions.Late(channels) | actions.Smoothed(channels):
+            case actions.Late(channels) | actions.Slowed(channels):
                 there = dict.fromkeys(c.name for t in self.tests for c in t.channels)
                 return replace(action, channels=tuple(name for name in there if name in channels)), 1.0
         return action, 1.0

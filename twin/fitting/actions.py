@@ -144,7 +144,7 @@ class Late:
 
 
 @dataclass(frozen=True)
-class Smoothed:
+class Slowed:
     """All channels of a logger follow p [s] more slowly than stated: to the delay of each, its sensor's first-order lag
     and the logger's are one whose time constant is their sum."""
 
@@ -164,8 +164,8 @@ class HeatTent:
 
 OnTerms = Scale | Power | Tent | Course | InputGain | InputBias
 OnTemperatures = Added | Tilt | Capacity | Attached | Start | BoundaryBias | HeatTent
-OnReading = Misreading | Lag | Beside | Late | Smoothed
-OnBench = Misreading | Lag | Late | Smoothed | BoundaryBias | InputGain | InputBias  # what a bench file corrects
+OnReading = Misreading | Lag | Beside | Late | Slowed
+OnBench = Misreading | Lag | Late | Slowed | BoundaryBias | InputGain | InputBias  # what a bench file corrects
 Action = OnTerms | OnTemperatures | OnReading
 
 

@@ -58,7 +58,7 @@ class Sensing:
         match action:
             case Misreading() | Lag() | actions.Beside():
                 return self._called((action.channel,))
-            case actions.Smoothed(channels):
+            case actions.Slowed(channels):
                 return self._called(channels)
             case actions.Late():
                 return self._called(() if self.test.is_common(action) else action.channels)
@@ -101,7 +101,7 @@ class Readings:
         self.weights = sensing.weights[k]
         for p, action in sensing.of(k, actions.Beside):
             self.weights = self.weights + run.beta[p] * sensing.towards(k, action.node)
-        self.lag_s = max(0.0, self.channel.sensor.time_constant_s + self._sum(Lag) + self._sum(actions.Smoothed))
+        self.lag_s = max(0.0, self.channel.sensor.time_constant_s + self._sum(Lag) + self._sum(actions.Slowed))
         self.factor = 1.0  # what the truth is multiplied with
         for law in MISREADINGS:
             if law.of_truth:
@@ -187,7 +187,7 @@ class Readings:
                     yield column, np.full(len(self.sensing.measured[self.k]), -float(share))
                 case actions.Beside(_, node):
                     beside.append((column, node))
-                case Lag() | actions.Smoothed():
+                case Lag() | actions.Slowed():
                     low, high = max(0.0, self.lag_s - LAG_PROBE_S), self.lag_s + LAG_PROBE_S
                     changed = lagged(self.truth, high, self.step_s) - lagged(self.truth, low, self.step_s)
                     rows.append((column, self.factor * changed / (high - low)))

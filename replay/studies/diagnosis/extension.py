@@ -133,7 +133,7 @@ class _Said:
         match action:
             case Misreading(channel) | Lag(channel):
                 return f"sensor.{sensors[channel]}.{action.law}" if channel in sensors else None
-            case actions.Late(channels) | actions.Smoothed(channels):
+            case actions.Late(channels) | actions.Slowed(channels):
                 bus = next(o.bus for o in self.observed if o.name in channels)
                 return f"clock.{spelt(bus)}.{action.law}" if any(self.has(c) for c in channels) else None
             case actions.BoundaryBias(boundary):

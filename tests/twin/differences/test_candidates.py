@@ -269,7 +269,7 @@ def test_on_one_bus_no_clock_can_be_wrong_and_on_two_only_their_difference_shows
 def test_a_logger_of_one_sensor_has_no_smoothing_of_its_own() -> None:
     some = [*CHANNELS[:2], Sensor("X", {"shaft": 1.0}, "can1")]
     found = {str(c.cause): c for c in generate(motor("reference_motor"), some, INPUTS) if c.cause.kind == "clock"}
-    assert found["clock.can0.lag"].action == actions.Smoothed(tuple(c.name for c in CHANNELS[:2]))
+    assert found["clock.can0.lag"].action == actions.Slowed(tuple(c.name for c in CHANNELS[:2]))
     assert "clock.can1.lag" not in found
 
 
