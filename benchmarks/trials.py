@@ -8,7 +8,8 @@ seeds.
 A trial is one specimen of a form, with the motor file that one rule makes of it, its sessions written as BLF with
 motor, bench and DBC files, ingested, and diagnosed. With one hidden effect or none it has two S1, one S2 and two WLTC,
 the first S1, the S2 and a WLTC to learn from; every third effect is off the library. `--many`: three to five effects at
-once in 5 to 12 sessions. Forms and rules are all that `plant.forms.FORMS` and `plant.rules.RULES` have, in turn.
+once in 5 to 12 sessions. Forms and rules are all that `plant.forms.FORMS` and `plant.rules.RULES` have, in turn;
+`--rules seven_nodes,three_nodes` are crude files (`plant.crude`), with 8 to 12 sessions of many effects.
 
 Sizes are scaled so that effects spread from hardly to clearly visible: with the catalogue's size a reference specimen
 of the same form and rule (the seed before the first) has d, and the size is multiplied by wanted / d, at least 0.2 and
@@ -50,7 +51,7 @@ from benchmarks.trial.one import RunsAway, trial
 from benchmarks.trial.sizes import read_strengths, sized, strengths, write_strengths
 from plant import Effect
 from plant.forms import FORMS
-from plant.rules import RULES
+from plant.rules import CRUDE, RULES
 from replay.cli.progress import tell
 from replay.engine.runs.sources import code_of
 
@@ -61,7 +62,9 @@ def main() -> None:
     """Run what is missing, print and write the rates."""
     parser = asked.parser(__doc__, healthy=(60, 1), effects=(120, 0), many=(60, 1), first=(1000, 1007), jobs=(1, 1))
     parser.add_argument("--forms", metavar="NAMES", type=functools.partial(some_of, FORMS), default=list(FORMS))
-    parser.add_argument("--rules", metavar="NAMES", type=functools.partial(some_of, RULES), default=list(RULES))
+    parser.add_argument(
+        "--rules", metavar="NAMES", type=functools.partial(some_of, (*RULES, *CRUDE)), default=list(RULES)
+    )
     parser.add_argument("--layout", choices=("six", "ten"), default="six")
     parser.add_argument("--cache", metavar="FOLDER", type=Path, default=Path(tempfile.gettempdir()) / "whyhot-trials")
     args = parser.parse_args()

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from plant import Plant, drives, losses, sessions, write_campaign
+from plant.crude import LUMPS, Lumps, lumped
 from plant.drives import AMBIENT_degC, INLET_degC, hold
 from plant.energy_weighted import energy_weighted
 from plant.forms import FORMS, HOUSED, JACKETED, SPRAYED, WEAKENED, Form
@@ -20,7 +21,7 @@ from plant.hand import by_hand, dittus_boelter
 from plant.hand_losses import largest_power, no_load_loss
 from plant.machine import largest_torque, operate
 from plant.reduction import Reduced, mean_of, reduce
-from plant.rules import RULES, smaller
+from plant.rules import CRUDE, RULES, smaller
 from replay.cli import main
 from replay.engine.files.motor_file import read_motor
 
@@ -209,6 +210,28 @@ def test_a_supplier_s_smaller_motor_is_scaled_by_its_volume(form: Form) -> None:
     right = volume ** (1 / 3) * theirs.links["yoke", "teeth"][0].coefficient
     assert joint["terms"][0]["coefficient"] == pytest.approx(right, rel=1e-4)
     assert largest_torque(1000.0, machine=small.machine) == largest_torque(1000.0, machine=form.machine)
+
+
+@pytest.mark.parametrize("lumps", LUMPS.values(), ids=list(LUMPS))
+def test_lumps_hold_and_lose_what_their_nodes_do_and_pass_on_what_leads_out_of_them(lumps: Lumps) -> None:
+    assert sorted(node for nodes in lumps.values() for node in nodes) == sorted(NODES)
+    whole, few = reduce(JACKETED), lumped(reduce(JACKETED), lumps)
+    assert sum(few.capacities.values()) == pytest.approx(sum(whole.capacities.values()))
+    both = [sum(t.coefficient for terms in one.sources.values() for t in terms) for one in (whole, few)]
+    assert both[1] == pytest.approx(both[0])
+    of = {node: lump for lump, nodes in lumps.items() for node in nodes}
+    for ends, terms in few.links.items():
+        mine = [own for place, own in whole.links.items() if {of.get(end, end) for end in place} == set(ends)]
+        expected = sum(term.coefficient for own in mine for term in own)
+        assert sum(term.coefficient for term in terms) == pytest.approx(expected)
+        assert len({(term.powers, term.copper) for term in terms}) == len(terms)
+
+
+@each_form
+def test_a_crude_file_is_read_and_its_bench_has_its_lumps(form: Form) -> None:
+    for rule, lumps in LUMPS.items():
+        network = read_motor(CRUDE[rule](form).encode(), "motor.toml")
+        assert [node.name for node in network.nodes] == list(lumps)
 
 
 # ---- the product reads them ----------------------------------------------------------------------------------------

@@ -25,6 +25,7 @@ from benchmarks.trial.cases import (
 )
 from benchmarks.trial.lost import IMPOSSIBLE
 from benchmarks.trial.lost import KEPT as BY_KEPT
+from benchmarks.trial.one import lumped
 from benchmarks.trial.rates import (
     ALL,
     NOT_RATED,
@@ -110,6 +111,31 @@ def test_there_are_sessions_enough_to_learn_from_and_to_keep() -> None:
     for sessions in range(FEWEST_SESSIONS, MOST_SESSIONS + 1):
         assert 2 <= kept_count(sessions) <= len(KEPT)
         assert 3 <= sessions - kept_count(sessions) <= len(LEARNT)
+
+
+def test_a_crude_file_has_sessions_enough_to_leave_each_out() -> None:
+    found = cases(1000, 0, 0, 60, (("jacketed", "three_nodes"),), "six")
+    assert {case.sessions for case in found} == set(range(8, MOST_SESSIONS + 1))
+
+
+@pytest.mark.parametrize(
+    ("cause", "seven", "three"),
+    [
+        ("loss.magnet.speed2", "loss.magnet.speed2", "loss.rotor.speed2"),
+        (
+            "conductance.shaft-ambient.constant",
+            "conductance.rotor-ambient.constant",
+            "conductance.rotor-ambient.constant",
+        ),
+        ("conductance.winding-teeth.scale", "conductance.winding-teeth.scale", "conductance.winding-stator.scale"),
+        ("conductance.teeth-yoke.scale", "conductance.teeth-yoke.scale", "unknown.inside"),
+        ("sensor.teeth.lag", "sensor.teeth.lag", "sensor.stator@TC_teeth.lag"),
+        ("boundary.coolant.bias", "boundary.coolant.bias", "boundary.coolant.bias"),
+    ],
+)
+def test_what_hides_is_called_as_its_lump_is(cause: str, seven: str, three: str) -> None:
+    for rule, expected in {"fitted": cause, "seven_nodes": seven, "three_nodes": three}.items():
+        assert lumped(Effect(cause, 2.0), Case(1, "six", rule=rule)).cause == expected
 
 
 def test_a_size_grows_in_proportion_and_a_factor_by_its_logarithm() -> None:

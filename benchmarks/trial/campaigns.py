@@ -18,6 +18,7 @@ from benchmarks.shared import stored
 from benchmarks.trial.cases import READ_WRONG, Case
 from ingest.facts import facts
 from plant import Effect, Plant, drives, points, write_campaign
+from plant.crude import LUMPS
 from plant.drives import Drive
 from plant.forms import FORMS
 from plant.geometry import NODES
@@ -52,7 +53,7 @@ class Behind:
     """What stands behind the logs of a campaign. `effects` are hidden; `learnt` sessions are learnt from, the others
     kept; `moved`: of each effect and session learnt from, by how much it alone moves the reading of each signal,
     without noise [K] (no session for one that only reads wrong); `nodes`: of each kept session the true mean
-    temperature of each node [degC]."""
+    temperature of each node and lump of the file [degC]."""
 
     effects: tuple[Effect, ...]
     learnt: int
@@ -92,7 +93,8 @@ def driven(case: Case, effects: Sequence[Effect], folder: Path) -> Behind:
     healthy = logged(folder / "healthy", case, Plant(case.seed, form=form), plan[:learnt]) if effects else []
     without = [one.truth for one in healthy]
     moved = tuple(moved_by(effect, case, plan, without) for effect in effects)
-    nodes = tuple({node: _mean(truth, plant, node) for node in NODES} for truth in truths[learnt:])
+    places = {**{node: (node,) for node in NODES}, **LUMPS.get(case.rule, {})}
+    nodes = tuple({name: _mean(truth, plant, own) for name, own in places.items()} for truth in truths[learnt:])
     return Behind(tuple(effects), learnt, moved, nodes)
 
 
@@ -136,9 +138,9 @@ def _reading(truth: Truth, plant: Plant, sensor: Sensor, t_s: Floats) -> Floats:
     return reading
 
 
-def _mean(truth: Truth, plant: Plant, node: str) -> Floats:
-    """The mean temperature of a node's cells by their heat capacity, once a second [degC]."""
-    cells = plant.mesh.of_node(node)
+def _mean(truth: Truth, plant: Plant, nodes: Sequence[str]) -> Floats:
+    """The mean temperature of the nodes' cells by their heat capacity, once a second [degC]."""
+    cells = np.concatenate([plant.mesh.of_node(node) for node in nodes])
     mean = truth.at(cells, plant.mesh.capacity[cells])
     course: Floats = np.interp(middles(truth.drive.seconds), truth.t_s, mean)
     return course

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from plant import CATALOGUE, Effect
+from plant.rules import CRUDE
 
 EFFECT_SEEDS, MANY_SEEDS = 500, 1000  # after the first seed: from here on those of single effects, of many at once
 OFF_LIBRARY_EVERY = 3
@@ -20,6 +21,7 @@ MASKED = ("hold", "stuck", "dropout", "saturation")
 READ_WRONG = ("sensor", "clock", "input", "boundary")
 FEWEST, MOST_HIDDEN = 3, 5
 FEWEST_SESSIONS, MOST_SESSIONS = 5, 12
+FEWEST_OF_CRUDE = 8  # sessions: so many that they can be left out in turn
 # Of many effects at once no two are of one family, or at one place: the family with the fewest places chooses first.
 FAMILIES = (("capacity",), READ_WRONG, ("loss",), ("conductance",), ("unknown",))
 
@@ -88,7 +90,8 @@ def _single(count: int) -> list[Hidden]:
 
 
 def _many(seed: int, layout: str, form: str, rule: str) -> Case:
-    """Three to five effects of as many families, no two at one place, over 5 to 12 sessions."""
+    """Three to five effects of as many families, no two at one place, over 5 to 12 sessions, 8 to 12 where the file has
+    few nodes."""
     random = np.random.default_rng([seed, FEWEST])
     count = int(random.integers(FEWEST, MOST_HIDDEN + 1))
     hidden: list[Hidden] = []
@@ -100,7 +103,8 @@ def _many(seed: int, layout: str, form: str, rule: str) -> Case:
             if ".swap_" not in cause and place_of(cause) not in taken
         ]
         hidden.append(Hidden(str(random.choice(own)), float(random.choice(WANTED))))
-    sessions = int(random.integers(FEWEST_SESSIONS, MOST_SESSIONS + 1))
+    fewest = FEWEST_OF_CRUDE if rule in CRUDE else FEWEST_SESSIONS
+    sessions = int(random.integers(fewest, MOST_SESSIONS + 1))
     return Case(seed, layout, form, rule, tuple(hidden), sessions)
 
 

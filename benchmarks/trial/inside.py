@@ -38,7 +38,7 @@ def inside(found: Found, network: Network, kept: Sequence[Test], nodes: Sequence
 
 
 def error_K(fitted: Fit | None, network: Network, kept: Sequence[Test], nodes: Sequence[Course]) -> float | None:
-    """Of the file as published where nothing is fitted; None where the model runs away."""
+    """Of the file as published where nothing is fitted; None where the model runs away, or every node is observed."""
     pairs = list(zip(fitted.model.parameters, fitted.beta, strict=True)) if fitted else []
     shared = [(p, b) for p, b in pairs if p.test is None]
     model, beta = Model(network, kept, [p for p, _ in shared]), np.array([b for _, b in shared])
@@ -54,4 +54,4 @@ def error_K(fitted: Fit | None, network: Network, kept: Sequence[Test], nodes: S
             if node.name not in observed:
                 true = np.interp(t, middles(len(truth[node.name])), truth[node.name])
                 left.append(np.abs(modelled - true))
-    return float(np.concatenate(left).mean())
+    return float(np.concatenate(left).mean()) if left else None

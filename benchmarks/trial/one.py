@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from benchmarks.trial.answers import ENDS, Result, tried
@@ -11,6 +11,8 @@ from benchmarks.trial.campaigns import Behind, driven, kept_as, read
 from benchmarks.trial.cases import Case, scaled
 from benchmarks.trial.visibility import Seen, healthy_mode, seen
 from plant import Effect
+from plant.crude import LUMPS
+from plant.sensors import sensors
 from replay.studies.diagnosis.question import Campaign
 from twin.motor.features import product, terms
 from twin.motor.network import Network
@@ -27,13 +29,42 @@ def trial(case: Case, effects: Sequence[Effect], folder: Path) -> Result:
     """One trial, its logs made or found. What ends its diagnosis is counted as no answer."""
     behind = kept_as(folder / "behind.pickle", lambda: _driven(case, effects, folder))
     campaign, healthy = read(folder), read(folder / "healthy") if behind.effects else None
-    behind = replace(behind, effects=tuple(as_the_file_says(one, campaign.network) for one in behind.effects))
+    effects = [lumped(one, case) for one in behind.effects]
+    behind = replace(behind, effects=tuple(as_the_file_says(one, campaign.network) for one in effects))
     hidden = tuple(Seen(effect.cause, effect.size) for effect in behind.effects)
     try:
         hidden = _visible(behind, healthy) if healthy else hidden
         return tried(case, campaign, behind, hidden)
     except ENDS as error:
         return Result(case, hidden, failed=f"{type(error).__name__}: {error}")
+
+
+@dataclass(frozen=True)
+class Lumped(Effect):
+    """An effect by the cause that a file of few nodes gives it."""
+
+    def __post_init__(self) -> None:
+        """Its place is a lump, which the plant does not know."""
+
+
+def lumped(effect: Effect, case: Case) -> Effect:
+    """The effect at the lumps of a crude file: at a sensor of several of a lump with its signal, between nodes of one
+    lump unknown."""
+    lumps = LUMPS.get(case.rule)
+    if lumps is None or effect.kind in ("boundary", "input", "clock", "unknown"):
+        return effect
+    of = {node: lump for lump, nodes in lumps.items() for node in nodes}
+    if effect.kind == "sensor":
+        at = {sensor.node: (of[sensor.node], sensor.signal) for sensor in sensors(case.layout)}
+        if effect.place not in at:
+            return effect
+        lump, signal = at[effect.place]
+        alone = sum(lump == other for other, _ in at.values()) == 1
+        return Lumped(f"sensor.{lump if alone else f'{lump}@{signal}'}.{effect.law}", effect.size)
+    if effect.kind in ("loss", "capacity"):
+        return Lumped(f"{effect.kind}.{of[effect.nodes[0]]}.{effect.law}", effect.size)
+    a, b = (of.get(end, end) for end in effect.links[0])
+    return Lumped(f"{effect.kind}.{a}-{b}.{effect.law}" if a != b else "unknown.inside", effect.size)
 
 
 def as_the_file_says(effect: Effect, network: Network) -> Effect:

@@ -16,13 +16,12 @@ from zoneinfo import ZoneInfo
 from ingest.bench.changes import moment_ns
 from ingest.bench.channel import Channel
 from ingest.bench.channel_tables import refusal
-from ingest.bench.laws import LAWS, SWAP, THERE_OR_NOT, Array, CorrectionLaw, Surroundings, Times
+from ingest.bench.laws import AMBIENT, CURRENT, LAWS, SWAP, THERE_OR_NOT, Array, CorrectionLaw, Surroundings, Times
 from ingest.errors import BenchFileError
 from ingest.texts.nearest import hint
 from ingest.texts.toml_file import NUMBER, TEXT, TomlTable
 
 KEYS = ("cause", "amount", "from", "until")
-AMBIENT = "ambient"  # node whose temperature pulls at a sensor's stem
 OF_THE_MOTOR = ("loss", "conductance", "capacity", "ageing")
 
 
@@ -107,7 +106,7 @@ def correct(file: str, channels: Sequence[Channel], corrections: Iterable[Correc
     for one in corrections:
         _check(file, one)
         at = _places(file, one, now)
-        if one.law == "lag":
+        if one.law == "lag" and at:  # of a clock it is told where the bus is known
             now[at[0]] = _slower(file, now[at[0]], one)
         elif one.law.startswith(SWAP):
             a, b = (now[i] for i in at)
@@ -134,15 +133,17 @@ def true_times(t_ns: Times, corrections: Iterable[Correction], bus: str, start_n
     return t_ns
 
 
-def true_values(value: Array, steps: Iterable[Correction], hours: Array, ambient: Array | None) -> Array:
-    """Values (N,) in the stored unit without what `steps` say is wrong with them, at `hours` (N,) of the session.
+def logger_lag_s(corrections: Iterable[Correction], bus: str) -> float:
+    """By how much more slowly than stated everything follows that a bus records [s]."""
+    return sum(one.amount for one in corrections if (one.kind, one.place, one.law) == ("clock", spelt(bus), "lag"))
 
-    `ambient` (N,) [degC], None where the session does not know it: then what needs it stays in.
-    """
-    beside = Surroundings(hours, ambient)
+
+def true_values(value: Array, steps: Iterable[Correction], beside: Surroundings) -> Array:
+    """Values (N,) in the stored unit without what `steps` say is wrong with them. What needs something that the session
+    does not know stays in."""
     for one in steps:
         rule = one.rule
-        if rule.off is not None and not (rule.needs_ambient and ambient is None):
+        if rule.off is not None and (not rule.needs or rule.needs in beside.known):
             value = rule.off(value, one.amount, beside)
     return value
 
@@ -190,16 +191,28 @@ def _places(file: str, one: Correction, channels: Sequence[Channel]) -> tuple[in
             return tuple(_known(file, one, one.place, around, "no channel measures"))
     sensors = _sensors(channels)
     here = _one_sensor(file, one, one.place, sensors)
-    if one.rule.needs_ambient and not any(c.node == AMBIENT for c in channels if _is_temperature(c)):
-        raise _refusal(file, one, f'needs the ambient: add the channel that measures it, with node = "{AMBIENT}".')
-    if one.rule.needs_ambient and channels[here].node == AMBIENT:
-        raise _refusal(file, one, "is of the ambient itself: take it out.")
+    _check_beside(file, one, channels, here)
     if not one.law.startswith(SWAP):
         return (here,)
     other = _one_sensor(file, one, one.law.removeprefix(SWAP), sensors)
     if other == here:
         raise _refusal(file, one, "exchanges a sensor with itself: name two.")
     return (here, other)
+
+
+def _check_beside(file: str, one: Correction, channels: Sequence[Channel], here: int) -> None:
+    """Whether what a correction of the channel `here` needs beside its readings is measured."""
+    needs = one.rule.needs
+    if needs == AMBIENT:
+        if not any(c.node == AMBIENT for c in channels if _is_temperature(c)):
+            raise _refusal(file, one, f'needs the ambient: add the channel that measures it, with node = "{AMBIENT}".')
+        if channels[here].node == AMBIENT:
+            raise _refusal(file, one, "is of the ambient itself: take it out.")
+    elif needs:
+        given = {c.quantity for c in channels if c.role != "ignored"}
+        parts = {"current_d", "current_q"} if needs == CURRENT else {needs}
+        if needs not in given and not parts <= given:
+            raise _refusal(file, one, f'needs the {needs}: add the channel that measures it, quantity = "{needs}".')
 
 
 def _is_temperature(channel: Channel) -> bool:

@@ -7,12 +7,14 @@ Amounts are reading minus truth. A new law of a sensor is one entry of `SENSOR` 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from operator import add
 
 import numpy as np
 from numpy.typing import NDArray
 
+AMBIENT = "ambient"  # the node whose temperature pulls at a sensor's leads
+SPEED, CURRENT = "speed", "current"  # quantities that a reading may go with
 MASKED = ("hold", "dropout", "stuck", "saturation")
 SWAP = "swap_"
 # Turns: a reading is gain times truth plus bias, so the bias is taken off first.
@@ -24,10 +26,11 @@ Times = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What is known beside every sample of a channel (N,)."""
+    """What is known beside every sample of a channel (N,): `hours` since the start of the session, and of what it
+    knows the `AMBIENT` [degC] and the magnitudes of `SPEED` [rpm] and `CURRENT` [A]."""
 
-    hours: Array  # since the start of the session
-    ambient: Array | None  # [degC], None where the session does not know it
+    hours: Array
+    known: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,7 @@ class CorrectionLaw:
     true_stamps: Callable[[Times, float, int], Times] | None = None
     both: Callable[[float, float], float] = add  # the one amount that does what a first and then a second do
     turn: int = OTHERS  # when it is taken off, of several
-    needs_ambient: bool = False
+    needs: str = ""  # what has to be known beside a reading: AMBIENT, SPEED, CURRENT
     fits: Callable[[float], bool] = lambda amount: True  # whether an amount can be, else `refusal`
     refusal: str = ""
 
@@ -54,8 +57,12 @@ def _without_drift(t_ns: Times, ppm: float, start_ns: int) -> Times:
 
 
 def _without_stem(reading: Array, share: float, beside: Surroundings) -> Array:
-    assert beside.ambient is not None
-    return (reading - share * beside.ambient) / (1.0 - share)
+    return (reading - share * beside.known[AMBIENT]) / (1.0 - share)
+
+
+def _without_input(name: str, per: float) -> CorrectionLaw:
+    """T + a u / per, u the magnitude of an input."""
+    return CorrectionLaw(off=lambda reading, a, beside: reading - a * beside.known[name] / per, turn=ADDED, needs=name)
 
 
 BIAS = CorrectionLaw(off=lambda reading, a, _: reading - a, turn=ADDED)  # T + a [stored unit]
@@ -81,10 +88,12 @@ SENSOR: Mapping[str, CorrectionLaw] = {
         off=_without_stem,
         both=lambda first, then: 1.0 - (1.0 - first) * (1.0 - then),
         turn=FACTORS,
-        needs_ambient=True,
+        needs=AMBIENT,
         fits=lambda a: a < 1.0,
         refusal="leaves only the ambient: its amount must be below 1",
     ),
+    "speed": _without_input(SPEED, 1000.0),  # a [K/1000 rpm]
+    "current": _without_input(CURRENT, 100.0),  # a [K/100 A]
     **dict.fromkeys(MASKED, THERE_OR_NOT),  # not T: such samples are masked where they are found
 }
 LAWS: Mapping[str, Mapping[str, CorrectionLaw]] = {
@@ -93,6 +102,8 @@ LAWS: Mapping[str, Mapping[str, CorrectionLaw]] = {
         "offset": CorrectionLaw(true_stamps=lambda t_ns, a, _: t_ns - round(a * 1e9)),  # stamps late by a [s]
         # Stamps late by a t [ppm], t since the start of the session.
         "drift": CorrectionLaw(true_stamps=_without_drift, turn=ADDED),
+        # All that it records follows more slowly, by a first-order lag [s]: added to `time_constant_s` (`slowed`).
+        "lag": CorrectionLaw(fits=lambda a: a >= 0.0, refusal="is no lag: its amount must be 0 or more"),
     },
     "input": {"gain": GAIN, "bias": BIAS},
     "boundary": {"bias": BIAS},

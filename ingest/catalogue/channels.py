@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.bench.corrections import AMBIENT, Correction, true_values
+from ingest.bench.corrections import Correction, true_values
+from ingest.bench.laws import AMBIENT, CURRENT, Surroundings
 from ingest.bench.resolving import ResolvedChannel, valued
 from ingest.catalogue.decoded import DecodedFile, Table, decoded_file
 from ingest.facts.events import SessionRecorded
@@ -29,7 +31,7 @@ STALE_MEDIANS = 5.0  # a value is held for as many median intervals of its chann
 GAP_NS = 10_000_000_000  # a second in a shorter gap counts as measured: constancy is looked at in means of 10 s
 
 Array = NDArray[np.float64]
-_Around = Callable[[NDArray[np.int64]], Array]  # stamps (N,) -> temperatures (N,) [degC]
+_Beside = Mapping[str, Callable[[NDArray[np.int64]], Array]]  # what is known beside readings -> stamps (N,) -> (N,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,9 +87,10 @@ def load(store: Store, facts: Facts, session: SessionRecorded) -> list[ChannelDa
     """Every channel of a session that has samples, in the order of its files; empty cells are left out.
 
     These are the channels of the bench file, the ignored ones too, less its corrections: those of the version accepted
-    in place of the one that a file was decoded under. Heat along a sensor's leads stays in where the session does not
-    know the ambient. Without a bench file they are all signals: of the guessed quantity, in its stored unit, or else of
-    quantity "" in the file's unit. Raises DamageError for Parquet or a bench file that is damaged or missing.
+    in place of the one that a file was decoded under. What goes with the ambient, the speed or the current stays in
+    readings where the session does not know that. Without a bench file they are all signals: of the guessed quantity,
+    in its stored unit, or else of quantity "" in the file's unit. Raises DamageError for Parquet or a bench file that
+    is damaged or missing.
     """
     return next(load_each(store, facts, [session]))
 
@@ -141,8 +144,8 @@ def _channels(
         bench = one.bench or bench
         for piece in _of_file(one, tables, file, session.start_ns, span):
             pieces.setdefault(piece.spec.name, []).append(piece)
-    around = _ambient(pieces, session.start_ns)
-    joined = [_joined(some, session.start_ns, around) for some in pieces.values()]
+    beside = _beside(pieces, session.start_ns)
+    joined = [_joined(some, session.start_ns, beside) for some in pieces.values()]
     return joined + [_throughout(spec, session, joined[0]) for spec in (valued(bench) if bench and joined else ())]
 
 
@@ -254,31 +257,46 @@ def _of_file(
             kept[kept], t_ns = inside, t_ns[inside]
         if len(t_ns):
             stored = value[kept] if one.decode.bench else source.spec.conversion(value[kept])
-            yield _Piece(source.spec, source.steps, one.decode.raw, one.clocks[group], t_ns, record[kept], stored)
+            spec, bus = one.as_logged(source), one.clocks[group]
+            yield _Piece(spec, source.steps, one.decode.raw, bus, t_ns, record[kept], stored)
 
 
-def _ambient(pieces: Mapping[str, Sequence[_Piece]], start_ns: int) -> _Around | None:
-    """The ambient temperature, the mean over its channels; None where it is not needed, or not recorded."""
-    if not any(step.rule.needs_ambient for some in pieces.values() for piece in some for step in piece.steps):
-        return None
-    found = [
-        _joined(some, start_ns, None)
-        for some in pieces.values()
-        if (some[0].spec.node, some[0].spec.quantity) == (AMBIENT, "temperature") and some[0].spec.role != "ignored"
-    ]
-    if not found:
-        return None
-    return lambda t_ns: np.asarray(np.mean([np.interp(t_ns, one.t_ns, one.value) for one in found], axis=0))
+def _beside(pieces: Mapping[str, Sequence[_Piece]], start_ns: int) -> _Beside:
+    """What corrections need beside readings, of what is recorded: the ambient temperature, the mean over its channels;
+    the magnitudes of speed and phase current."""
+    needed = {step.rule.needs for some in pieces.values() for piece in some for step in piece.steps} - {""}
+    found: dict[str, Callable[[NDArray[np.int64]], Array]] = {}
+    for name in needed:
+        quantities = ("temperature",) if name == AMBIENT else (name, f"{name}_d", f"{name}_q")
+        some = [
+            _joined(own, start_ns, {})
+            for own in pieces.values()
+            if own[0].spec.quantity in quantities and own[0].spec.role != "ignored"
+        ]
+        if name == AMBIENT:
+            some = [one for one in some if one.spec.node == AMBIENT]
+        elif (whole := current(some) if name == CURRENT else find(some, name)) is not None:
+            some = [replace(whole, value=np.abs(whole.value))]
+        else:
+            some = []
+        if some:
+            found[name] = partial(_between, some)
+    return found
 
 
-def _joined(some: Sequence[_Piece], start_ns: int, around: _Around | None) -> ChannelData:
+def _between(some: Sequence[ChannelData], t_ns: NDArray[np.int64]) -> Array:
+    """The mean of channels at stamps (N,), between their samples."""
+    return np.asarray(np.mean([np.interp(t_ns, one.t_ns, one.value) for one in some], axis=0))
+
+
+def _joined(some: Sequence[_Piece], start_ns: int, beside: _Beside) -> ChannelData:
     """One channel from its pieces in several files, by time; its resolution from the data where none was known."""
     pieces = {piece.raw: piece for piece in some}
     raws = tuple(pieces)
     t_ns, record, read = (
         np.concatenate([getattr(piece, name) for piece in some]) for name in ("t_ns", "record", "value")
     )
-    value = np.concatenate([_true_values(piece, start_ns, around) for piece in some]).astype(np.float64)
+    value = np.concatenate([_true_values(piece, start_ns, beside) for piece in some]).astype(np.float64)
     raw = np.concatenate([np.full(len(piece.t_ns), raws.index(piece.raw), np.int64) for piece in some])
     order = np.argsort(t_ns, kind="stable")
     order = order[_once(t_ns[order], read[order], raw[order])]
@@ -305,11 +323,11 @@ def _throughout(spec: ResolvedChannel, session: SessionRecorded, beside: Channel
     return ChannelData(spec, t_ns, value, zeros, zeros, beside.raws[:1], beside.buses[:1])
 
 
-def _true_values(piece: _Piece, start_ns: int, around: _Around | None) -> Array:
+def _true_values(piece: _Piece, start_ns: int, beside: _Beside) -> Array:
     if not piece.steps:
         return piece.value
-    ambient = around(piece.t_ns) if around else None
-    return true_values(piece.value, piece.steps, (piece.t_ns - start_ns) / 3.6e12, ambient)
+    known = {name: at(piece.t_ns) for name, at in beside.items()}
+    return true_values(piece.value, piece.steps, Surroundings((piece.t_ns - start_ns) / 3.6e12, known))
 
 
 def _once(t_ns: NDArray[np.int64], value: NDArray[Any], raw: NDArray[np.int64]) -> NDArray[np.bool_]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.bench.bench_file import Bench, read_bench
-from ingest.bench.corrections import Correction, correct, true_times
+from ingest.bench.corrections import Correction, correct, logger_lag_s, true_times
 from ingest.bench.resolving import ResolvedChannel, resolve
 from ingest.bench.signals import Directory, Signal
 from ingest.errors import DamageError, UnitError
@@ -72,6 +72,11 @@ class DecodedFile:
     def on_time(self, group: str, t_ns: NDArray[np.int64], start_ns: int) -> NDArray[np.int64]:
         """Stamps (N,) [ns] of a group without what the bench file says that its clock is late by."""
         return true_times(t_ns, self.bench.corrections if self.bench else (), self.clocks[group], start_ns)
+
+    def as_logged(self, source: ChannelSource) -> ResolvedChannel:
+        """The description of a channel with what the bench file says that its logger smooths."""
+        lag_s = logger_lag_s(self.bench.corrections if self.bench else (), self.clocks[source.entry["group"]])
+        return replace(source.spec, time_constant_s=source.spec.time_constant_s + lag_s) if lag_s else source.spec
 
     @cached_property
     def clocks(self) -> dict[str, str]:

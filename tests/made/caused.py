@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from ingest.bench.bench_file import Bench, read_bench
 from ingest.bench.channel import Channel
-from ingest.bench.corrections import correct, true_times, true_values
+from ingest.bench.corrections import correct, logger_lag_s, true_times, true_values
+from ingest.bench.laws import Surroundings
 from made.motor import AMBIENT_DEGC, CHANNELS, COOLANT_DEGC, FINE_S, SINGLE, Drive
 from replay.engine.files.bench_text import corrected
 from twin.motor.causes import Cause
@@ -218,10 +219,13 @@ def shown(bench: Bench, network: Network, drive: Drive, has: Callable[[Motor, Dr
     steps = len(drive["speed"])
     edges_s = FINE_S * np.arange(steps + 1, dtype=np.float64)
     middle_s = edges_s[:-1] + FINE_S / 2
-    ambient = np.full(steps + 1, AROUND_DEGC["ambient"])
+    known = {"ambient": np.full(steps + 1, AROUND_DEGC["ambient"])}
+    for name in ("speed", "current"):
+        known[name] = np.interp(edges_s, middle_s, drive[name] * network.scale[name])
 
     def true(name: str, recorded: Floats, t_s: Floats) -> Floats:
-        return np.asarray(true_values(recorded, by_name[name][1], t_s / 3600, ambient[: recorded.size]))
+        beside = Surroundings(t_s / 3600, {one: u[: recorded.size] for one, u in known.items()})
+        return np.asarray(true_values(recorded, by_name[name][1], beside))
 
     stamps_s = _true_times_s(bench, INPUT_BUS, middle_s)
     inputs = {
@@ -234,7 +238,8 @@ def shown(bench: Bench, network: Network, drive: Drive, has: Callable[[Motor, Dr
     found = {}
     for name, bus in BUSES.items():
         channel = by_name[name][0]
-        truth = lagged(_followed(channel, ran), channel.time_constant_s, FINE_S)
+        tau_s = channel.time_constant_s + logger_lag_s(bench.corrections, bus)
+        truth = lagged(_followed(channel, ran), tau_s, FINE_S)
         reading = truth
         for _ in range(PUT_ON):
             reading = reading + truth - true(name, reading, edges_s)

@@ -7,9 +7,11 @@ from pathlib import Path
 from types import MappingProxyType
 
 from plant import logs
+from plant.crude import BIAS_SD_K as CRUDE_BIAS_SD_K
+from plant.crude import LUMPS
 from plant.drives import Drive
 from plant.plant import Plant
-from plant.rules import RULES
+from plant.rules import CRUDE, RULES
 from plant.sensors import NOISE_K, STEP_K, LAG_s, Recording, messages, record, sensors
 
 BIAS_SD_K = 0.5
@@ -29,7 +31,12 @@ INPUTS = (
 )
 
 
-def bench_toml(plant: Plant, layout: str = "six", weights: Mapping[str, Mapping[str, float]] = NOWHERE_ELSE) -> str:
+def bench_toml(
+    plant: Plant,
+    layout: str = "six",
+    weights: Mapping[str, Mapping[str, float]] = NOWHERE_ELSE,
+    bias_sd_K: float = BIAS_SD_K,
+) -> str:
     """The bench file of one specimen; `weights`: signal -> node -> share, of thermocouples that stand elsewhere than
     at their node."""
     text = f'schema = "whyhot.bench/1"\nmotor = "motor.toml"\nspecimen = "plant-{plant.seed:04d}"\n'
@@ -41,7 +48,7 @@ def bench_toml(plant: Plant, layout: str = "six", weights: Mapping[str, Mapping[
         where = f'node = "{next(iter(shares))}"' if len(shares) == 1 else f"weights = {{{mixture}}}"
         text += (
             f'\n[[channel]]\nsignal = "{sensor.signal}"\nquantity = "temperature"\nunit = "degC"\n{where}\n'
-            f"noise = {NOISE_K}\nbias_sd = {BIAS_SD_K}\nresolution = {STEP_K}\ntime_constant_s = {LAG_s}\n"
+            f"noise = {NOISE_K}\nbias_sd = {bias_sd_K}\nresolution = {STEP_K}\ntime_constant_s = {LAG_s}\n"
         )
     return text + (
         '\n[[derived]]\nname = "current"\nquantity = "current"\nunit = "A"\nexpression = "hypot(Id, Iq) / sqrt(2)"\n'
@@ -68,12 +75,16 @@ def write_campaign(
     weights: Mapping[str, Mapping[str, float]] = NOWHERE_ELSE,
     rule: str = "fitted",
 ) -> list[Path]:
-    """Write `motor.toml` (by a rule of RULES), `bench.toml` (`weights` as of `bench_toml`), `bench.dbc` and a log of
-    each session in each format (logs.WRITERS), named `<number>_<name>`; returns the logs. Raises KeyError for a
-    format or a rule that is not there."""
+    """Write `motor.toml` (by a rule of RULES or CRUDE), `bench.toml` (`weights` as of `bench_toml`; those of a crude
+    file are its lumps), `bench.dbc` and a log of each session in each format (logs.WRITERS), named `<number>_<name>`;
+    returns the logs. Raises KeyError for a format or a rule that is not there."""
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "motor.toml").write_text(RULES[rule](plant.form), encoding="utf-8")
-    (folder / "bench.toml").write_text(bench_toml(plant, layout, weights), encoding="utf-8")
+    (folder / "motor.toml").write_text({**RULES, **CRUDE}[rule](plant.form), encoding="utf-8")
+    bias_sd_K = BIAS_SD_K
+    if rule in CRUDE:
+        of = {node: lump for lump, nodes in LUMPS[rule].items() for node in nodes}
+        weights, bias_sd_K = {one.signal: {of[one.node]: 1.0} for one in sensors(layout)}, CRUDE_BIAS_SD_K
+    (folder / "bench.toml").write_text(bench_toml(plant, layout, weights, bias_sd_K), encoding="utf-8")
     (folder / "bench.dbc").write_text(logs.dbc(messages(layout)), encoding="utf-8")
     paths = []
     for recording in sessions:

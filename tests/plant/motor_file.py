@@ -18,6 +18,8 @@ REGIONS = {
     **dict.fromkeys(("housing", "jacket"), "housing"),
     **dict.fromkeys(("air_a", "air_b"), "fluid"),
     "magnet": "magnet",
+    "rotor": "rotor",  # and the lumps of crude files
+    "stator": "iron",
 }
 
 

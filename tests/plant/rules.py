@@ -1,13 +1,14 @@
-"""How an engineer makes the motor file of a form: `RULES` has each by name. No rule knows a specimen, and none but the
-jacketed motor's first says how badly its values are known."""
+"""How an engineer makes the motor file of a form: `RULES` has each by name, `CRUDE` those of few nodes. No rule knows a
+specimen, and none but the jacketed motor's first says how badly its values are known."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from types import MappingProxyType
 
+from plant.crude import LUMPS, crude
 from plant.energy_weighted import energy_weighted
 from plant.form import Form
 from plant.geometry import Geometry
@@ -105,4 +106,7 @@ def _direct_copper(reduced: Reduced) -> float:
 
 RULES: Mapping[str, Callable[[Form], str]] = MappingProxyType(
     {"fitted": fitted, "energy_weighted": weighted, "hand": hand, "scaled": scaled}
+)
+CRUDE: Mapping[str, Callable[[Form], str]] = MappingProxyType(
+    {rule: partial(crude, lumps=own) for rule, own in LUMPS.items()}
 )

@@ -50,7 +50,9 @@ def network_of(found: Fit, monomials: Sequence[features.Monomial]) -> Network:
                 pass  # said by the terms and nodes that are there
             case actions.Course() | actions.InputGain() | actions.InputBias() | actions.BoundaryBias():
                 pass  # no part of a motor, like what follows
-            case actions.Start() | actions.HeatTent() | Misreading() | Lag() | actions.Beside() | actions.Late():
+            case actions.Start() | actions.HeatTent() | Misreading() | Lag() | actions.Beside():
+                pass
+            case actions.Late() | actions.Slowed():
                 pass
             case _:
                 assert_never(parameter.action)
@@ -250,6 +252,6 @@ def _shares(found: Fit, parameter: Parameter) -> Floats:
                 weights[p] = sum(means[i] for i in own.terms) / sum(means[i] for i in terms)
             case actions.Capacity(nodes) if isinstance(own, actions.Capacity) and set(own.nodes) <= set(nodes):
                 weights[p] = len(own.nodes) / len(nodes)
-            case _ if isinstance(action, actions.OnBench) and own == action:
-                weights[p] = 1.0 if other.test is None else 1.0 / tests
+            case _ if isinstance(action, actions.OnBench) and own == action and parameter.test in (None, other.test):
+                weights[p] = 1.0 if other.test == parameter.test else 1.0 / tests
     return weights

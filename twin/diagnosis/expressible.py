@@ -46,7 +46,7 @@ def expressible(found: Fit, named: Collection[int], driving: Collection[str]) ->
     `driving`: channels on a bus that stamps inputs too. What belongs to one test is no part of a file and stays free.
     """
     parameters, mode = found.model.parameters, found.beta
-    causes = {parameters[p].action for p in named}
+    causes = {parameters[p].action for p in named if parameters[p].test is None}
     open_ = np.array([p not in named and one.test is None for p, one in enumerate(parameters)])
     moves_readings = np.array([isinstance(one.action, Misreading) for one in parameters])
     unsayable = open_ & np.array([_is_common_drive(one, driving) for one in parameters])
@@ -125,7 +125,7 @@ def readings(found: Fit, said: Fit, named: Collection[int]) -> SensorChanges:
     vector of causes; the caller writes them, together with the healthy differences of the same action, so these are
     left out."""
     parameters = list(enumerate(said.model.parameters))
-    taken = {one.action for p, one in parameters if p in named}
+    taken = {one.action for p, one in parameters if p in named and one.test is None}
     meters = {meter.name for test in said.model.tests for meter in test.meters}
     ours = [
         (p, one)

@@ -35,7 +35,7 @@ def taken_over(current: Fit, candidate: Candidate, parameter: Parameter) -> tupl
             bent, straight = (_mean(current.model, vector, set(terms)) for vector in (current.beta, beta))
             amplitude = float(np.log(bent / straight)) if bent > 0 and straight > 0 else 0.0
         case _:
-            beta, amplitude = _same_done(current, parameter.action)
+            beta, amplitude = _same_done(current, parameter)
     if abs(amplitude) < WORTH_TAKING * parameter.sd or not parameter.low < amplitude < parameter.high:
         return current.beta, 0.0
     return beta, amplitude
@@ -61,11 +61,16 @@ def _mean(model: Model, beta: Floats, terms: set[int]) -> float:
     return float(courses(model, beta)[1][:, sorted(terms)].sum(axis=1).mean())
 
 
-def _same_done(current: Fit, action: actions.Action) -> tuple[Floats, float]:
+def _same_done(current: Fit, candidate: Parameter) -> tuple[Floats, float]:
     """The vector without the healthy differences of the same action (those of single tests: without their mean), and
-    what was taken away."""
+    what was taken away. What acts in one test alone takes over what was healthy there."""
     beta, parameters = current.beta.copy(), current.model.parameters
-    same = [p for p, other in enumerate(parameters) if other.action == action]
+    same = [p for p, other in enumerate(parameters) if other.action == candidate.action]
+    if candidate.test is not None:
+        own = [p for p in same if parameters[p].test == candidate.test]
+        moved = float(beta[own].sum())
+        beta[own] = 0.0
+        return beta, moved
     amplitude = 0.0
     for of_tests in (False, True):
         own = [p for p in same if (parameters[p].test is not None) == of_tests]

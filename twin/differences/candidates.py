@@ -8,6 +8,7 @@ campaign, fixed before any data are seen: one rule serves a 5 kW servo and a 250
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -17,12 +18,12 @@ import numpy as np
 from twin.differences.sizes import Sigma
 from twin.fitting import actions
 from twin.fitting.actions import Action
-from twin.motor.causes import Cause, groups, spelt
+from twin.motor.causes import IN_SESSION, Cause, groups, spelt
 from twin.motor.features import Monomial, is_flow, is_known, monomials, product, quantity
 from twin.motor.network import Network, Term
 from twin.motor.paths import Place, links_with_groups, missing, terms_at
 from twin.motor.sensor import Sensor
-from twin.motor.sensor_laws import AMBIENT, SENSOR_LAWS, Exchange, Misreading
+from twin.motor.sensor_laws import AMBIENT, SENSOR_LAWS, Exchange, Lag, Misreading
 
 Places = tuple[Place, ...]
 
@@ -40,7 +41,8 @@ class InputChannel:
 class Candidate:
     """One candidate cause. Its amplitude is in `unit`, has the prior size `sigma`, and can only be above 0 (`sign` 1),
     only below (-1) or either (0). `members`: the places that share the amplitude, where the cause acts on a group of
-    them; `added`: the product of features that a heat or path which the cause adds goes with.
+    them; `added`: the product of features that a heat or path which the cause adds goes with; `test`: the number of the
+    one that it acts in, None for all.
 
     What its `action` needs to know of the tests `twin.differences.proposals` fills in."""
 
@@ -51,6 +53,7 @@ class Candidate:
     action: Action | Exchange
     members: tuple[str, ...] = ()
     added: Monomial | None = None
+    test: int | None = None
 
     @property
     def discrete(self) -> bool:
@@ -63,6 +66,11 @@ class Candidate:
         return isinstance(self.action, actions.Course)
 
     @property
+    def sayable(self) -> bool:
+        """Whether a motor or bench file can say it: none says what differs from session to session."""
+        return not self.repeated and self.test is None
+
+    @property
     def places(self) -> Places:
         """Where a cause of the motor acts: nodes, or both ends of links."""
         return tuple(tuple(name.split("-")) for name in self.members or (self.cause.place,))
@@ -73,6 +81,8 @@ class Candidate:
 HEAT, LOG_SCALE, OWN_LINK, MISSING_LINK, CAPACITY, SESSION = 0.05, float(np.log(2)), 1.0, 0.2, 0.3, 0.15
 INPUT_GAIN, FLOW_GAIN, INPUT_BIAS, BOUNDARY_BIAS_K = 0.05, 0.3, 0.02, 3.0
 CLOCK_S, CLOCK_PPM = 5.0, 100.0
+LOGGER_LAG_S = 10.0  # of a mean over 20 s, as loggers take it against hum
+SESSIONS_FROM = 3  # to learn from: of two nobody sees which is off
 INPUT_UNITS = {"speed": "rpm", "torque": "Nm", "voltage": "V", "flux": "Wb", "flow": "lpm", "current": "A"}
 ATTACHED_LAG_S = 300.0
 
@@ -94,10 +104,14 @@ CONVECTION = ("constant", "speed", "speed1.5")
 COOLING = ("", "0.5")  # exponents of the flow
 _LIKE_AN_EXPONENT = re.compile(r"[a-z]\d+$")  # `flow_loop1`: an id would read a flow_loop to the first power
 _TURNING = ("rotor", "magnet", "bearing")
+_READ_TURNING = ("rotor", "magnet")  # of a bearing it is the ring that stands which is read
 
 
-def generate(network: Network, channels: Sequence[Sensor], inputs: Sequence[InputChannel]) -> tuple[Candidate, ...]:
-    """Every candidate of a checked network with these observed channels and inputs, in a fixed order, ids unique.
+def generate(
+    network: Network, channels: Sequence[Sensor], inputs: Sequence[InputChannel], sessions: Sequence[str] = ()
+) -> tuple[Candidate, ...]:
+    """Every candidate of a checked network with these observed channels and inputs, in a fixed order, ids unique;
+    `sessions`: the names of those to learn from.
 
     Laws use only features that the inputs give; an input `flow` stands for every flow that the network's laws tell
     apart. No two say the same: at a node or link with one term `scale` stands for that term's own law, and of two buses
@@ -109,9 +123,10 @@ def generate(network: Network, channels: Sequence[Sensor], inputs: Sequence[Inpu
         *_losses(network, features),
         *_conductances(network, features),
         *_capacities(network),
-        *_boundaries(network),
-        *_sensors(network, channels),
+        *_boundaries(network, sessions),
+        *_sensors(network, channels, features),
         *_clocks(channels, inputs),
+        *_loggers(channels, inputs),
         *_inputs(network, inputs),
         *_ageing(network),
     )
@@ -291,10 +306,18 @@ def _capacities(network: Network) -> Iterator[Candidate]:
         yield Candidate(Cause("capacity", name, "attached"), "J/K", size, 1, mass, shown)
 
 
-def _boundaries(network: Network) -> Iterator[Candidate]:
+def _boundaries(network: Network, sessions: Sequence[str]) -> Iterator[Candidate]:
+    """What a boundary reads too much, always or in one session: an inlet that is not measured but taken to be the
+    outlet, a thermometer put elsewhere, air that is drawn from another hall that day are as large then as any
+    constant error."""
+    names = Counter(map(spelt, sessions))
     for b, boundary in enumerate(network.boundaries):
-        cause = Cause("boundary", boundary.name, "bias")
-        yield Candidate(cause, "K", Sigma(BOUNDARY_BIAS_K), 0, actions.BoundaryBias(b))
+        size, bias = Sigma(BOUNDARY_BIAS_K), actions.BoundaryBias(b)
+        yield Candidate(Cause("boundary", boundary.name, "bias"), "K", size, 0, bias)
+        for number, session in enumerate(map(spelt, sessions)):
+            if len(sessions) >= SESSIONS_FROM and names[session] == 1:
+                cause = Cause("boundary", boundary.name, f"{IN_SESSION}{session}")
+                yield Candidate(cause, "K", size, 0, bias, test=number)
 
 
 def sensor_place(channel: Sensor, channels: Sequence[Sensor]) -> str:
@@ -305,18 +328,37 @@ def sensor_place(channel: Sensor, channels: Sequence[Sensor]) -> str:
     return channel.node if (alone or own) == [channel] else f"{channel.node}@{spelt(channel.name)}"
 
 
-def _sensors(network: Network, channels: Sequence[Sensor]) -> Iterator[Candidate]:
-    ambient = any(boundary.name == AMBIENT for boundary in network.boundaries)
+def _sensors(network: Network, channels: Sequence[Sensor], features: frozenset[str]) -> Iterator[Candidate]:
+    ambient = {AMBIENT} & {boundary.name for boundary in network.boundaries}
+    turning = {node.name for node in network.nodes if node.region in _READ_TURNING}
     places = {c.name: sensor_place(c, channels) for c in channels}
     for channel in channels:
         for one in SENSOR_LAWS:
-            if ambient or not (issubclass(one, Misreading) and one.of_ambient):
+            if _can_misread(one, channel, ambient | features, turning):
                 cause = Cause("sensor", places[channel.name], one.law)
-                yield Candidate(cause, one.unit, Sigma(one.sd), one.sign, one(channel.name))
+                yield Candidate(cause, one.unit, Sigma(_sd(one, network)), one.sign, one(channel.name))
     for a, b in combinations(channels, 2):
         if a.bus == b.bus and a.weights != b.weights:
             cause = Cause("sensor", places[a.name], f"swap_{places[b.name]}")
             yield Candidate(cause, "1", Sigma(1.0), 1, Exchange(a.name, b.name))
+
+
+def _can_misread(
+    law: type[Misreading | Lag], channel: Sensor, given: Collection[str], turning: Collection[str]
+) -> bool:
+    """Whether what the law goes with is `given`, and its place turns (is one of the nodes `turning`) where it goes with
+    speed."""
+    if not issubclass(law, Misreading):
+        return True
+    beside = AMBIENT if law.of_ambient else law.of_input
+    return (not beside or beside in given) and (law.of_input != "speed" or channel.node in turning)
+
+
+def _sd(law: type[Misreading | Lag], network: Network) -> float:
+    """The prior size of a law's amount on this motor, in its unit."""
+    if issubclass(law, Misreading) and law.of_input:
+        return law.sd * law.per / network.scale[law.of_input]
+    return law.sd
 
 
 def _clocks(channels: Sequence[Sensor], inputs: Sequence[InputChannel]) -> Iterator[Candidate]:
@@ -332,6 +374,18 @@ def _clocks(channels: Sequence[Sensor], inputs: Sequence[InputChannel]) -> Itera
         for drifts, size in ((False, CLOCK_S), (True, CLOCK_PPM)):
             late = actions.Late(own, drifts) if own else actions.Late(tuple(c.name for c in channels), drifts, -1.0)
             yield Candidate(Cause("clock", spelt(bus), late.law), late.unit, Sigma(size), 0, late)
+
+
+def _loggers(channels: Sequence[Sensor], inputs: Sequence[InputChannel]) -> Iterator[Candidate]:
+    """A logger that smooths all that it records, where another one records beside it: a filter against hum or a mean
+    over some seconds, which nobody wrote down. Of one with a single sensor it is that sensor's lag."""
+    buses = dict.fromkeys(c.bus for c in channels)
+    several = bool(inputs) and len({*buses, *(i.bus for i in inputs)}) > 1
+    for bus in buses if several else ():
+        smoothed = actions.Slowed(tuple(c.name for c in channels if c.bus == bus))
+        if len(smoothed.channels) > 1:
+            cause = Cause("clock", spelt(bus), smoothed.law)
+            yield Candidate(cause, smoothed.unit, Sigma(LOGGER_LAG_S), 1, smoothed)
 
 
 def _inputs(network: Network, inputs: Sequence[InputChannel]) -> Iterator[Candidate]:

@@ -36,7 +36,7 @@ class Proposals:
         high = 0.0 if candidate.sign < 0 else np.inf
         if isinstance(action, actions.Added) and low < 0.0:
             low = -min(map(self._mean_of, candidate.places)) * action.rms / self.mean(action.feature)
-        return Parameter(str(candidate.cause), action, sd, low=low, high=high)
+        return Parameter(str(candidate.cause), action, sd, candidate.test, low, high)
 
     def _on_tests(self, action: actions.Action) -> tuple[actions.Action, float]:
         """The action with what it needs to know of the tests, and the parameter for a unit of the amplitude."""
@@ -45,7 +45,7 @@ class Proposals:
                 return replace(action, rms=self.rms(feature)), 1.0
             case actions.Tilt():
                 return self._tilt(action)
-            case actions.Late(channels):
+            case actions.Late(channels) | actions.Slowed(channels):
                 there = dict.fromkeys(c.name for t in self.tests for c in t.channels)
                 return replace(action, channels=tuple(name for name in there if name in channels)), 1.0
         return action, 1.0

@@ -144,6 +144,16 @@ class Late:
 
 
 @dataclass(frozen=True)
+class Slowed:
+    """All channels of a logger follow p [s] more slowly than stated: to the delay of each, its sensor's first-order lag
+    and the logger's are one whose time constant is their sum."""
+
+    channels: tuple[str, ...]
+    law = "lag"
+    unit = "s"
+
+
+@dataclass(frozen=True)
 class HeatTent:
     """p [W] * tent into a node: one of those that make up a free heat, at `time_s` of its test."""
 
@@ -154,8 +164,8 @@ class HeatTent:
 
 OnTerms = Scale | Power | Tent | Course | InputGain | InputBias
 OnTemperatures = Added | Tilt | Capacity | Attached | Start | BoundaryBias | HeatTent
-OnReading = Misreading | Lag | Beside | Late
-OnBench = Misreading | Lag | Late | BoundaryBias | InputGain | InputBias  # what a bench file corrects
+OnReading = Misreading | Lag | Beside | Late | Slowed
+OnBench = Misreading | Lag | Late | Slowed | BoundaryBias | InputGain | InputBias  # what a bench file corrects
 Action = OnTerms | OnTemperatures | OnReading
 
 

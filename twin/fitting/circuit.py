@@ -21,7 +21,7 @@ from twin.fitting.rows import Product, Products
 from twin.motor.heat_laws import source_law
 from twin.motor.network import NOBODY, Network
 from twin.motor.sensor import Sensor
-from twin.motor.sensor_laws import AMBIENT, Misreading, Seen
+from twin.motor.sensor_laws import AMBIENT, SENSOR_LAWS, Misreading, Seen
 from twin.run import sparse_march
 
 Floats = NDArray[np.float64]
@@ -148,10 +148,21 @@ class Circuit:
         if isinstance(action, actions.Beside):
             return float(self.test.initial[action.node]) - followed
         more = action.of_truth * followed
+        first = Seen(np.array([followed]), np.zeros(1), {name: u[:1] for name, u in self.magnitudes.items()})
         if action.of_ambient:
             around = [boundary.name for boundary in self.network.boundaries].index(AMBIENT)
             more += action.of_ambient * float(self.test.frame.boundaries[0, around])
-        return more + float(np.ravel(action.adds(1.0, Seen(np.array([followed]), np.zeros(1))))[0])
+        return more + float(np.ravel(action.adds(1.0, first))[0])
+
+    @cached_property
+    def magnitudes(self) -> dict[str, Floats]:
+        """The inputs that a reading may go with, at the edges of the steps (N + 1,) in their stored units."""
+        laws = [law for law in SENSOR_LAWS if issubclass(law, Misreading)]
+        found = {}
+        for name in {law.of_input for law in laws} & self.test.inputs.keys():
+            held = np.abs(self.test.inputs[name]) * self.network.scale[name]
+            found[name] = np.concatenate([held[:1], (held[:-1] + held[1:]) / 2, held[-1:]])
+        return found
 
     def run(self, beta: Floats) -> CircuitRun:
         """One run. Raises `DivergedError`."""

@@ -58,6 +58,8 @@ class Sensing:
         match action:
             case Misreading() | Lag() | actions.Beside():
                 return self._called((action.channel,))
+            case actions.Slowed(channels):
+                return self._called(channels)
             case actions.Late():
                 return self._called(() if self.test.is_common(action) else action.channels)
             case _:
@@ -99,7 +101,7 @@ class Readings:
         self.weights = sensing.weights[k]
         for p, action in sensing.of(k, actions.Beside):
             self.weights = self.weights + run.beta[p] * sensing.towards(k, action.node)
-        self.lag_s = max(0.0, self.channel.sensor.time_constant_s + self._sum(Lag))
+        self.lag_s = max(0.0, self.channel.sensor.time_constant_s + self._sum(Lag) + self._sum(actions.Slowed))
         self.factor = 1.0  # what the truth is multiplied with
         for law in MISREADINGS:
             if law.of_truth:
@@ -109,7 +111,7 @@ class Readings:
             self.late_s = self.late_s + late.sign * float(run.beta[p]) * sensing.late_by(late)
         self.truth: Floats = run.edges @ self.weights
         self.followed = lagged(self.truth, self.lag_s, self.step_s)  # by the sensor itself
-        self.seen = Seen(self.followed, sensing.circuit.edges_s)
+        self.seen = Seen(self.followed, sensing.circuit.edges_s, sensing.circuit.magnitudes)
 
     def _sum(self, kind: type[Action]) -> float:
         return float(sum(self.run.beta[p] for p, _ in self.sensing.of(self.k, kind)))
@@ -185,7 +187,7 @@ class Readings:
                     yield column, np.full(len(self.sensing.measured[self.k]), -float(share))
                 case actions.Beside(_, node):
                     beside.append((column, node))
-                case Lag():
+                case Lag() | actions.Slowed():
                     low, high = max(0.0, self.lag_s - LAG_PROBE_S), self.lag_s + LAG_PROBE_S
                     changed = lagged(self.truth, high, self.step_s) - lagged(self.truth, low, self.step_s)
                     rows.append((column, self.factor * changed / (high - low)))

@@ -27,10 +27,11 @@ FIXED_LAWS = {  # kind -> the laws that are no products of features
     "capacity": ("scale", "attached"),
     "boundary": ("bias",),
     "sensor": (*(one.law for one in SENSOR_LAWS), "hold", "dropout", "stuck", "saturation"),
-    "clock": ("offset", "drift"),
+    "clock": ("offset", "drift", "lag"),
     "input": ("gain", "bias", "undersampled"),
     "ageing": (),
 }
+IN_SESSION = "bias_in_"  # what the law of a boundary begins with in one session alone; behind it the session's name
 BEYOND_FEATURES = ("temperature", "session_time", "session")  # what a law may grow with besides the features of a term
 
 _NAME = r"[a-z][a-z0-9_]*"
@@ -102,6 +103,8 @@ def parse(text: str) -> Cause:
 
 
 def _is_fixed(cause: Cause) -> bool:
+    if cause.kind == "boundary" and re.fullmatch(rf"{IN_SESSION}\w+", cause.law):
+        return True
     return cause.law in FIXED_LAWS[cause.kind] or (cause.kind == "sensor" and cause.law.startswith("swap_"))
 
 
@@ -111,7 +114,7 @@ def _check_law(cause: Cause) -> None:
         if re.fullmatch(_SENSOR, other) is None or other == cause.place:
             raise CauseError(f'cause "{cause}": "{other}" is no other sensor: give a node, or node@signal')
         return
-    if cause.law in FIXED_LAWS[cause.kind]:
+    if _is_fixed(cause):
         return
     terms = _terms(cause.law) if cause.kind in ("loss", "conductance", "ageing") else None
     if terms is None:
@@ -222,6 +225,7 @@ _SAYS = {
     ("sensor", "saturation"): "the sensor at {place} meets the end of its range",
     ("clock", "offset"): "the stamps of {place} are shifted in time",
     ("clock", "drift"): "the clock of {place} runs fast or slow",
+    ("clock", "lag"): "what {place} records follows more slowly than stated, as its logger smooths it",
     ("input", "gain"): "the measured {place} is off in proportion",
     ("input", "bias"): "the measured {place} is off by a constant",
     ("input", "undersampled"): "the measured {place} is sampled too slowly for what it does",
@@ -241,6 +245,9 @@ def says(cause: Cause) -> str:
     place = place_words(cause.place)
     if cause.law.startswith("swap_"):
         return f"the sensors at {place} and {_words(cause.law.removeprefix('swap_'))} are exchanged"
+    if cause.kind == "boundary" and cause.law.startswith(IN_SESSION):
+        session = cause.law.removeprefix(IN_SESSION)
+        return f"{place} was warmer or colder than measured by a constant in session {session}"
     if (cause.kind, cause.law) in _SAYS:
         return _SAYS[cause.kind, cause.law].format(place=place)
     grows = product_words(cause.exponents)

@@ -8,7 +8,8 @@ test holds the two against each other for every law.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -22,17 +23,19 @@ AMBIENT = "ambient"  # the boundary that pulls at a sensor through its leads
 @dataclass(frozen=True)
 class Seen:
     """What a reading may go with, at the edges of the steps of a test (N + 1,): the temperature that the sensor
-    `followed`, its lag included [degC], and the time since the start [s]."""
+    `followed`, its lag included [degC], the time since the start [s], and the `inputs` that the test has: the
+    magnitude of the speed [rpm] and of the current [A]."""
 
     followed: Floats
     time_s: Floats
+    inputs: Mapping[str, Floats] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class SensorLaw:
     """A channel reads otherwise than the temperature that it follows, by an amount p in `unit`. `sd`: the prior size of
-    p where it is a cause; `sign`: +1 where p cannot be below 0; `says`: its words, `{place}` the place of the
-    sensor."""
+    p where it is a cause, of a law that follows an input at the motor's scale of that; `sign`: +1 where p cannot be
+    below 0; `says`: its words, `{place}` the place of the sensor."""
 
     channel: str
 
@@ -52,14 +55,17 @@ class Lag(SensorLaw):
 
 class Misreading(SensorLaw):
     """A channel reads p (`of_truth` x what it follows + `of_ambient` x ambient) and `adds` too much,
-    all linear in p."""
+    all linear in p. `of_input`: the input that it goes with, "" for none; p is for each `per` of it [its stored unit].
+    """
 
+    of_input: ClassVar[str] = ""
+    per: ClassVar[float] = 1.0
     of_truth: ClassVar[float] = 0.0
     of_ambient: ClassVar[float] = 0.0
 
     def adds(self, p: float, seen: Seen) -> Floats | float:
         """What p adds that goes with neither temperature (N + 1,), or the one number that it is at all times [K]."""
-        return 0.0
+        return p * seen.inputs[self.of_input] / self.per if self.of_input else 0.0
 
 
 class Bias(Misreading):
@@ -98,7 +104,27 @@ class Stem(Misreading):
     of_truth, of_ambient = -1.0, 1.0
 
 
-SENSOR_LAWS: tuple[type[Misreading | Lag], ...] = (Bias, Gain, Lag, Drift, Stem)
+class OfSpeed(Misreading):
+    """A channel reads p too much at 1,000 rpm, and in proportion: how a turning part is read (a radiation thermometer
+    that sees the gap between passing poles, telemetry that loses signal, slip rings that rub) changes as it turns. On
+    the machine of `examples/hust_motor` the rotor's reading rises by 2 to 3 K at each stop, so at the motor's top speed
+    it is as large as any sensor's offset."""
+
+    law, unit, sd = "speed", "K/1000 rpm", 3.0
+    says = "the sensor at {place} reads off in proportion to speed"
+    of_input, per = "speed", 1000.0
+
+
+class OfCurrent(Misreading):
+    """A channel reads p too much at 100 A, and in proportion: what the inverter couples into leads grows with the
+    phase current, and an amplifier that rectifies it is off by kelvins at full current."""
+
+    law, unit, sd = "current", "K/100 A", 3.0
+    says = "the sensor at {place} reads off in proportion to current"
+    of_input, per = "current", 100.0
+
+
+SENSOR_LAWS: tuple[type[Misreading | Lag], ...] = (Bias, Gain, Lag, Drift, Stem, OfSpeed, OfCurrent)
 
 
 @dataclass(frozen=True)

@@ -86,9 +86,9 @@ def named(naming: Naming, refit: Refit, train: Sequence[SessionRecorded], kept: 
     apart = told_apart(first, refit.candidate, naming.log_bf_instead)
     let_in = [one.candidate for one in naming.accepted]
     others = [member.candidate for member in apart.others if member.candidate not in let_in]
-    improved = kept is not None and kept.improved and not refit.candidate.repeated
+    improved = kept is not None and kept.improved and refit.candidate.sayable
     why = kept.why if kept else "no session was kept: say --hold-out"
-    if refit.candidate.repeated:
+    if not refit.candidate.sayable:
         why = "what changes from session to session is said by no file"
     return Named(
         id=str(cause),
@@ -113,7 +113,7 @@ def named(naming: Naming, refit: Refit, train: Sequence[SessionRecorded], kept: 
         improved=improved,
         why_not_improved=None if improved else why,
         times_usual=abs(refit.amplitude) / refit.parameter.sd,
-        sayable=not refit.candidate.repeated,
+        sayable=refit.candidate.sayable,
         evidence=evidence_parts(naming, refit),
         stands=_stands(refit),
     )

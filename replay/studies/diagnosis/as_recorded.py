@@ -20,7 +20,7 @@ from replay.studies.diagnosis.extension import Version
 from replay.studies.diagnosis.kept_sessions import Measured, node_of
 from replay.studies.diagnosis.question import Question
 from replay.studies.sessions.recorded import test_of
-from twin.fitting.actions import Late
+from twin.fitting.actions import Late, Slowed
 from twin.fitting.fit import Fit
 from twin.fitting.model import Model, Test
 from twin.fitting.recorded import RecordedChannel
@@ -119,6 +119,6 @@ def said_wrong(base: Fit, final: Fit) -> set[str]:
         match action:
             case SensorLaw(channel):
                 found.add(channel)
-            case Late(channels):
+            case Late(channels) | Slowed(channels):
                 found.update(channels)
     return found

@@ -56,7 +56,7 @@ def version(
     learnt = [replace(c, weights=own.weights.get(c.name, c.weights)) for c in campaign.observed]
     amounts: dict[actions.OnBench, float] = {}
     for place, refit in places.items():
-        if refit.candidate.cause.kind not in OF_THE_MOTOR:
+        if refit.candidate.sayable and refit.candidate.cause.kind not in OF_THE_MOTOR:
             action = fit.model.parameters[place].action
             assert isinstance(action, actions.OnBench)
             amounts[action] = size(fit, place, refit.candidate.unit).value
@@ -133,7 +133,7 @@ class _Said:
         match action:
             case Misreading(channel) | Lag(channel):
                 return f"sensor.{sensors[channel]}.{action.law}" if channel in sensors else None
-            case actions.Late(channels):
+            case actions.Late(channels) | actions.Slowed(channels):
                 bus = next(o.bus for o in self.observed if o.name in channels)
                 return f"clock.{spelt(bus)}.{action.law}" if any(self.has(c) for c in channels) else None
             case actions.BoundaryBias(boundary):

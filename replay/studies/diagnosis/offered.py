@@ -58,7 +58,7 @@ def _written(
 
 def _extended(question: Question, campaign: Campaign, found: Found, identity: str) -> Version | None:
     """With every cause that was named, whether the kept sessions got better or not; None where a file can say none."""
-    named = [str(refit.candidate.cause) for refit in found.naming.accepted if not refit.candidate.repeated]
+    named = [str(refit.candidate.cause) for refit in found.naming.accepted if refit.candidate.sayable]
     named += [str(swap.candidate.cause) for swap in found.swaps]
     if not named:  # what changes from session to session is said by no file
         return None

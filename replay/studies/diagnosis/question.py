@@ -100,7 +100,7 @@ def campaign_of(question: Question) -> Campaign:
     motor = read_motor(question.store.archive.read(question.model), question.facts.models[question.model].file)
     network = configured(motor, None)
     loaded = [load(question.store, question.facts, session) for session in question.train]
-    asked = without_tests(network, loaded, question.level)
+    asked = without_tests(network, loaded, question.level, [session.name for session in question.train])
     tests = tuple(
         _test(question, session, network, asked.monomials, asked.candidates, own)
         for session, own in zip(question.train, loaded, strict=True)
@@ -108,10 +108,13 @@ def campaign_of(question: Question) -> Campaign:
     return replace(asked, tests=tests)
 
 
-def without_tests(network: Network, loaded: Sequence[Sequence[ChannelData]], level: str) -> Campaign:
-    """What may be the cause by these channels of sessions, which are no tests yet."""
+def without_tests(
+    network: Network, loaded: Sequence[Sequence[ChannelData]], level: str, sessions: Sequence[str] = ()
+) -> Campaign:
+    """What may be the cause by these channels of sessions, which are no tests yet; `sessions`: their names, where they
+    will be those to learn from."""
     observed, inputs = _channels(loaded, network, level)
-    candidates = generate(network, observed, inputs)
+    candidates = generate(network, observed, inputs, sessions)
     ripple = [RIPPLE] if "current" in [i.name for i in inputs] and "current" in network.scale else []
     monomials = tuple(dict.fromkeys([*added_monomials(candidates), *ripple]))
     return Campaign(network, (), candidates, monomials, observed, inputs, loaded)

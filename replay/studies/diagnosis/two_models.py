@@ -25,7 +25,7 @@ LEAST_RELIEF = 0.5  # sd that a healthy difference moves back: less is not told
 def two_models(question: Question, found: Found, kept: Sequence[Test]) -> TwoModels | None:
     """None where nothing was named that a file can say, or where a model runs away."""
     before, after = found.base, found.naming.final
-    if not (found.swaps or any(not refit.candidate.repeated for refit in found.naming.accepted)):
+    if not (found.swaps or any(refit.candidate.sayable for refit in found.naming.accepted)):
         return None
     network = before.model.network
     plain = Plain(network)

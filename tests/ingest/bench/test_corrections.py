@@ -13,7 +13,7 @@ import ingest
 from ingest.bench import corrections as corrections_module
 from ingest.bench.bench_file import Bench, read_bench
 from ingest.bench.corrections import Correction, correct, true_times, true_values
-from ingest.bench.laws import LAWS, MASKED
+from ingest.bench.laws import LAWS, MASKED, Surroundings
 from ingest.errors import BenchFileError, TomlError
 
 BENCH = """\
@@ -255,27 +255,31 @@ def test_a_masked_fault_changes_nothing(law: str) -> None:
 
 def test_each_law_is_taken_off_as_it_was_put_on() -> None:
     truth, hours, ambient = np.array([20.0, 90.0, 150.0]), np.array([0.0, 0.5, 2.0]), np.array([20.0, 22.0, 25.0])
+    speed, current = np.array([0.0, 4000.0, 12000.0]), np.array([300.0, 0.0, 150.0])
     forward = {
         "bias": truth + 3.1,
         "gain": truth * 1.05,
         "drift": truth + 2.5 * hours,
         "stem": truth + 0.08 * (ambient - truth),
+        "speed": truth - 0.4 * speed / 1000.0,
+        "current": truth + 1.5 * current / 100.0,
     }
-    amounts = {"bias": 3.1, "gain": 0.05, "drift": 2.5, "stem": 0.08}
+    amounts = {"bias": 3.1, "gain": 0.05, "drift": 2.5, "stem": 0.08, "speed": -0.4, "current": 1.5}
+    beside = Surroundings(hours, {"ambient": ambient, "speed": speed, "current": current})
     for law, reading in forward.items():
-        found = true_values(reading, [Correction(f"sensor.teeth.{law}", amounts[law])], hours, ambient)
+        found = true_values(reading, [Correction(f"sensor.teeth.{law}", amounts[law])], beside)
         assert found == pytest.approx(truth, abs=1e-12), law
 
 
 def test_steps_are_taken_off_one_after_the_other() -> None:
     steps = [Correction("sensor.teeth.bias", 2.0), Correction("sensor.teeth.gain", 0.5)]
-    assert true_values(np.array([32.0]), steps, np.zeros(1), None) == pytest.approx([20.0])
-    assert true_values(np.array([32.0]), steps[::-1], np.zeros(1), None) == pytest.approx([32.0 / 1.5 - 2.0])
+    assert true_values(np.array([32.0]), steps, Surroundings(np.zeros(1))) == pytest.approx([20.0])
+    assert true_values(np.array([32.0]), steps[::-1], Surroundings(np.zeros(1))) == pytest.approx([32.0 / 1.5 - 2.0])
 
 
 def test_heat_along_the_leads_stays_in_where_the_ambient_is_not_known() -> None:
     steps = [Correction("sensor.teeth.stem", 0.1), Correction("sensor.teeth.bias", 2.0)]
-    assert true_values(np.array([50.0]), steps, np.zeros(1), None) == pytest.approx([48.0])
+    assert true_values(np.array([50.0]), steps, Surroundings(np.zeros(1))) == pytest.approx([48.0])
 
 
 def test_stamps_lose_what_the_clock_of_their_bus_is_late_by() -> None:
@@ -290,13 +294,15 @@ def test_stamps_lose_what_the_clock_of_their_bus_is_late_by() -> None:
     assert true_times(late, [Correction("clock.monday_am.offset", 2.5)], "monday am", start).tolist() == truth.tolist()
 
 
-@pytest.mark.parametrize("law", ["bias", "gain", "drift", "stem"])
+@pytest.mark.parametrize("law", ["bias", "gain", "drift", "stem", "speed", "current"])
 def test_two_amounts_composed_are_one_after_the_other(law: str) -> None:
-    reading, hours, ambient = np.array([40.0, 120.0]), np.array([0.5, 3.0]), np.array([22.0, 24.0])
+    reading, ambient = np.array([40.0, 120.0]), np.array([22.0, 24.0])
+    inputs = {"speed": np.array([0.0, 9000.0]), "current": np.array([20.0, 250.0])}
+    beside = Surroundings(np.array([0.5, 3.0]), {"ambient": ambient, **inputs})
     one, two = Correction(f"sensor.teeth.{law}", 0.04), Correction(f"sensor.teeth.{law}", 0.07)
     both = Correction(f"sensor.teeth.{law}", LAWS["sensor"][law].both(0.04, 0.07))
-    expected = true_values(reading, [one, two], hours, ambient)
-    assert true_values(reading, [both], hours, ambient) == pytest.approx(expected, rel=1e-14)
+    expected = true_values(reading, [one, two], beside)
+    assert true_values(reading, [both], beside) == pytest.approx(expected, rel=1e-14)
 
 
 def test_the_page_of_the_bench_file_has_a_row_for_every_law() -> None:

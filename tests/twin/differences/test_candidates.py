@@ -259,10 +259,37 @@ def test_on_one_bus_no_clock_can_be_wrong_and_on_two_only_their_difference_shows
     assert [str(c.cause) for c in generate(network, two, INPUTS) if c.cause.kind == "clock"] == [
         "clock.logger_3_a.offset",
         "clock.logger_3_a.drift",
+        "clock.logger_3_a.lag",
     ]
     three = [*one, Sensor("X", {"shaft": 1.0}, "can1"), Sensor("Y", {"yoke": 1.0}, "can2")]
     places = {c.cause.place for c in generate(network, three, INPUTS) if c.cause.kind == "clock"}
     assert places == {"can0", "can1", "can2"}
+
+
+def test_a_logger_of_one_sensor_has_no_smoothing_of_its_own() -> None:
+    some = [*CHANNELS[:2], Sensor("X", {"shaft": 1.0}, "can1")]
+    found = {str(c.cause): c for c in generate(motor("reference_motor"), some, INPUTS) if c.cause.kind == "clock"}
+    assert found["clock.can0.lag"].action == actions.Slowed(tuple(c.name for c in CHANNELS[:2]))
+    assert "clock.can1.lag" not in found
+
+
+def test_a_boundary_may_be_off_in_one_of_three_sessions_that_have_names_of_their_own() -> None:
+    def found(*sessions: str) -> dict[str, int | None]:
+        every = generate(motor("reference_motor"), CHANNELS, INPUTS, sessions)
+        return {str(c.cause): c.test for c in every if (c.cause.kind, c.cause.place) == ("boundary", "coolant")}
+
+    off = {"boundary.coolant.bias": None}
+    assert found("1_s1", "2 s2") == off
+    assert found("1_s1", "2 s2", "1_s1") == off | {"boundary.coolant.bias_in_2_s2": 1}
+    assert not any(c.sayable for c in generate(motor("reference_motor"), CHANNELS, INPUTS, "abc") if c.test is not None)
+
+
+def test_what_turns_may_be_read_wrong_with_speed_and_everything_with_current() -> None:
+    ids = {str(c.cause) for c in generate(motor("reference_motor"), CHANNELS, INPUTS)}
+    assert {"sensor.magnet@MAG_2.speed", "sensor.magnet@MAG_2.current", "sensor.yoke.current"} <= ids
+    assert "sensor.yoke.speed" not in ids
+    network, still = motor("reference_motor"), [i for i in INPUTS if i.name != "speed"]
+    assert not any(c.cause.kind == "sensor" and c.cause.law == "speed" for c in generate(network, CHANNELS, still))
 
 
 def test_laws_use_only_what_the_bench_measures() -> None:

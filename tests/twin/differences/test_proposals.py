@@ -115,6 +115,15 @@ def test_a_clock_is_of_all_channels_of_its_bus_or_of_all_against_the_inputs(prop
     assert proposals.parameter(CANDIDATES["clock.can3.drift"]).action == of_inputs
 
 
+def test_what_was_off_in_one_session_moves_that_one_alone(proposals: Proposals) -> None:
+    always = CANDIDATES["boundary.coolant.bias"]
+    in_one = proposals.parameter(replace(always, test=1))
+    parts = proposals.model.linearise(np.zeros(0), [proposals.parameter(always), in_one])
+    for part in parts:
+        expected = part.extra[:, 0] if part.series.session == 1 else np.zeros(len(part.extra))
+        np.testing.assert_array_equal(part.extra[:, 1], expected)
+
+
 def test_a_channel_that_no_test_has_is_no_part_of_a_clock(proposals: Proposals) -> None:
     clock = replace(CANDIDATES["clock.can2.offset"], action=actions.Late(("R_1", "X_1", "Y_1"), False))
     assert proposals.parameter(clock).action == actions.Late(("Y_1", "R_1"), False)

@@ -36,6 +36,8 @@ EVERY: dict[str, tuple[actions.Action, float]] = {  # action and a size of its n
     "lag of a prompt sensor": (sensor_laws.Lag("W_1"), 3.0),
     "drift": (sensor_laws.Drift("Y_1"), 2.0),
     "stem": (sensor_laws.Stem("Y_1"), 0.03),
+    "reading that follows speed": (sensor_laws.OfSpeed("R_1"), 0.3),
+    "reading that follows current": (sensor_laws.OfCurrent("W_1"), 1.0),
     "clock of all channels": (actions.Late(tuple(CHANNELS), False), 0.8),
     "clock of the inputs": (actions.Late(tuple(CHANNELS), False, -1.0), 0.8),
     "clock of one channel": (actions.Late(("Y_1",), False), 0.9),

@@ -101,7 +101,7 @@ def test_the_kind_ends_at_the_first_dot_and_the_place_at_the_second() -> None:
         ("loss.magnet.bias", '"bias" is no law of a loss'),
         ("conductance.teeth.scale", '"teeth" is no place of a conductance: give a link such as rotor_surface-teeth'),
         ("conductance.teeth-teeth.scale", '"teeth-teeth" is no place of a conductance'),
-        ("sensor.magnet.speed2", '"speed2" is no law of a sensor; there are bias, gain, lag'),
+        ("sensor.magnet.flux2", '"flux2" is no law of a sensor; there are bias, gain, lag'),
         ("sensor.magnet.swap_magnet", '"magnet" is no other sensor: give a node, or node@signal'),
         ("sensor.magnet.swap_", '"" is no other sensor'),
         ("ageing.winding_a.speed", "ageing follows a dose: write a law such as hours_above_180degC"),

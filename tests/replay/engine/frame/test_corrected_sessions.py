@@ -43,6 +43,11 @@ quantity = "temperature"
 unit = "degC"
 node = "yoke"
 [[channel]]
+signal = "T_rotor"
+quantity = "temperature"
+unit = "degC"
+node = "rotor"
+[[channel]]
 signal = "T_room"
 quantity = "temperature"
 unit = "degC"
@@ -57,6 +62,10 @@ signal = "I"
 quantity = "current"
 unit = "A"
 [[channel]]
+signal = "n"
+quantity = "speed"
+unit = "rpm"
+[[channel]]
 signal = "Q"
 quantity = "flow"
 unit = "l/min"
@@ -67,9 +76,11 @@ TRUTH = {
     "T_magnet": 60.0 + T_S / 20.0,
     "T_teeth": 50.0 + T_S / 30.0,
     "T_yoke": 40.0 + T_S / 60.0,
+    "T_rotor": 45.0 + T_S / 40.0,
     "T_room": 22.0 + T_S / 600.0,
     "T_water": 30.0 + 0.1 * (T_S % 7),
     "I": 100.0 + T_S % 50,
+    "n": 20.0 * (T_S % 300) - 3000.0,
     "Q": 8.0 + 0.01 * (T_S % 11),
 }
 CORRECTIONS = {
@@ -77,11 +88,14 @@ CORRECTIONS = {
     "sensor.magnet.lag": 6.0,
     "sensor.teeth.drift": 2.0,
     "sensor.yoke.stem": 0.08,
+    "sensor.rotor.speed": -0.5,
+    "sensor.rotor.current": 0.3,
     "boundary.ambient.bias": 1.5,
     "boundary.coolant.bias": -2.0,
     "input.current.gain": 0.05,
     "input.flow.bias": 0.5,
     "clock.hot.offset": 4.0,
+    "clock.hot.lag": 2.5,
     "clock.water.drift": 500.0,
     "clock.elsewhere.offset": 60.0,
 }
@@ -92,9 +106,11 @@ def readings() -> dict[str, Floats]:
         "T_magnet": TRUTH["T_magnet"] + 3.1,
         "T_teeth": TRUTH["T_teeth"] + 2.0 * HOURS,
         "T_yoke": TRUTH["T_yoke"] + 0.08 * (TRUTH["T_room"] - TRUTH["T_yoke"]),
+        "T_rotor": TRUTH["T_rotor"] - 0.5 * np.abs(TRUTH["n"]) / 1000.0 + 0.3 * TRUTH["I"] / 100.0,
         "T_room": TRUTH["T_room"] + 1.5,
         "T_water": TRUTH["T_water"] - 2.0,
         "I": TRUTH["I"] * 1.05,
+        "n": TRUTH["n"],
         "Q": TRUTH["Q"] + 0.5,
     }
 
@@ -107,8 +123,8 @@ def _table(path: Path, stamp_s: Floats, names: list[str], values: dict[str, Floa
 
 def ingested(folder: Path, values: dict[str, Floats], bench: str = BENCH) -> None:
     """Three tables of one session: `drive` on time, `hot` late by 4 s, and `water`, whose clock drifts by 500 ppm."""
-    _table(folder / "drive.csv", T_S, ["I", "Q"], values)
-    _table(folder / "hot.csv", T_S + 4.0, ["T_magnet", "T_teeth", "T_yoke", "T_room"], values)
+    _table(folder / "drive.csv", T_S, ["I", "n", "Q"], values)
+    _table(folder / "hot.csv", T_S + 4.0, ["T_magnet", "T_teeth", "T_yoke", "T_rotor", "T_room"], values)
     _table(folder / "water.csv", T_S * (1 + 500e-6), ["T_water"], values)
     (folder / "bench.toml").write_text(bench, encoding="utf-8")
     logs = [str(folder / f"{name}.csv") for name in ("drive", "hot", "water")]
@@ -156,8 +172,9 @@ def test_loaded_values_and_times_are_the_truth(store_folder: Path) -> None:
     for name, channel in channels.items():
         assert channel.value == pytest.approx(TRUTH[name], abs=1e-9), name
         assert (channel.t_ns - START_NS) / 1e9 == pytest.approx(T_S, abs=2e-6), name
-    assert channels["T_magnet"].spec.time_constant_s == 6.0
-    assert channels["T_teeth"].spec.time_constant_s == 0.0
+    assert channels["T_magnet"].spec.time_constant_s == 8.5
+    assert channels["T_teeth"].spec.time_constant_s == 2.5
+    assert channels["T_water"].spec.time_constant_s == 0.0
 
 
 def test_before_the_acceptance_everything_is_as_it_was_read(store_folder: Path) -> None:
