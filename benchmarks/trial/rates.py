@@ -107,10 +107,14 @@ def _said(one: dict[str, Any]) -> str:
 # --- Stated probabilities ---------------------------------------------------------------------------------------------
 
 
-def reliability(results: Sequence[Result]) -> list[dict[str, Any]]:
+def stated_of(results: Sequence[Result]) -> list[tuple[float, bool]]:
+    """Every name's stated probability, and whether it is true: what hides there is the name or in its class."""
+    return [(p, r.of_name(name) in ("first", "class")) for r in results for name, p in r.stated.items()]
+
+
+def reliability(stated: Sequence[tuple[float, bool]]) -> list[dict[str, Any]]:
     """Of the names whose stated probability lies between two of STATED: the mean of what is stated, and how many are
-    true, as what hides there is the name or in its class. Bins without a name are left out."""
-    stated = [(p, r.of_name(name) in ("first", "class")) for r in results for name, p in r.stated.items()]
+    true. Bins without a name are left out."""
     rows = []
     for low, high in pairwise(STATED):
         own = [(p, true) for p, true in stated if low <= p < high or p == high == STATED[-1]]
@@ -120,10 +124,10 @@ def reliability(results: Sequence[Result]) -> list[dict[str, Any]]:
     return rows
 
 
-def reliability_table(results: Sequence[Result]) -> list[str]:
+def reliability_table(stated: Sequence[tuple[float, bool]]) -> list[str]:
     """Stated probabilities beside how often they were right; `off` where the bounds of that leave out their mean."""
     lines = [f"{'stated probability of a name':<30}{'mean':>8}{'true':>20}"]
-    for row in reliability(results):
+    for row in reliability(stated):
         off = "" if row["true"]["at_least"] <= row["stated"] <= row["true"]["at_most"] else "  off"
         name = f"{row['from']:.2f} to {row['to']:.2f}"
         lines.append(f"{name:<30}{row['stated']:>8.3f}{_said(row['true']):>20}{off}")
