@@ -31,6 +31,8 @@ from benchmarks.trial.rates import (
     audits,
     by_entry,
     by_entry_table,
+    by_what_hides,
+    by_what_hides_table,
     gains,
     gains_table,
     lost_causes,
@@ -248,6 +250,22 @@ def test_stated_probabilities_stand_beside_how_often_they_were_right() -> None:
     assert head.split()[-1] == "true"
     assert low.split() == ["0.95", "to", "0.99", "0.970", "1/1", "[5%,", "100%]"]
     assert high.split() == ["0.99", "to", "1.00", "1.000", "0/5", "[0%,", "45%]", "off"]
+
+
+def test_stated_probabilities_are_told_apart_by_what_hides() -> None:
+    right, wrong = (replace(_named(cause), stated={cause: 0.97}) for cause in (HIDDEN, "loss.yoke.speed2"))
+    off = replace(wrong, hidden=(Seen("unknown.contact", 1.0, 9.0),))
+    several, healthy = replace(right, hidden=(*right.hidden, *off.hidden)), replace(wrong, hidden=())
+    found = by_what_hides([right, right, wrong, off, several, healthy, SILENT])
+    counts = {kind: (row["true"]["count"], row["true"]["of"]) for kind, row in found.items()}
+    assert counts == {
+        "one of the library": (2, 3),
+        "one off the library": (0, 1),
+        "several at once": (1, 1),
+        "nothing": (0, 1),
+    }
+    assert by_what_hides([SILENT]) == {}
+    assert by_what_hides_table([off])[1].split() == ["one", "off", "the", "library", "0.970", "0/1", "[0%,", "95%]"]
 
 
 def test_a_lost_cause_counts_where_it_could_be_seen() -> None:
