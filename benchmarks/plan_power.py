@@ -1,8 +1,8 @@
 """What a plan promised and what came: motors of `tests/plant` that hide a cause, the day that `whyhot plan` proposes,
 run on them, and the diagnosis with it.
 
-    python benchmarks/plan_power.py [--motors N] [--first SEED] [--hours H] [--minutes M] [--hide CAUSE SIZE]
-        [--quick] [--json FILE]
+    python benchmarks/plan_power.py [--motors N] [--first SEED] [--skip N] [--hours H] [--minutes M]
+        [--hide CAUSE SIZE] [--cache FOLDER] [--quick] [--json FILE]
 
 A trial is a specimen with one hidden cause, three sessions (S1, S2, WLTP; of `--minutes` at most) as BLF, ingested and
 diagnosed; the day that `whyhot plan` proposes from them, not knowing the cause; that day run on the plant and logged;
@@ -11,11 +11,16 @@ healthy specimen promises d of 3, 5, 8 or 12 with the day; with `--hide` every m
 trial is that of its own plan for the size that is truly there; what came is d as the diagnosis has it, where it names
 the cause or tells it among the rivals. A cause is named where it is first or not told apart from what is; a place,
 where what is named is of its kind and at its place.
+
+A long run goes in pieces: `--skip` leaves out the first motors of the series, and with `--cache` finished trials stay
+in a folder, under the hashes of the plant's and of our own sources, from which the tables of all that was asked are
+made.
 """
 
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import io
 import json
 import math
@@ -37,9 +42,12 @@ from benchmarks import asked
 from benchmarks.trial.answers import judged
 from benchmarks.trial.campaigns import LEARNT, drive_of
 from benchmarks.trial.cases import either_way
+from benchmarks.trial.rates import reliability_table
+from benchmarks.trials import plant_code
 from plant import Effect, Plant, sessions, typical, write_campaign
 from plant import __main__ as bench
 from replay.cli import main as whyhot
+from replay.engine.runs.sources import code_of
 from twin.planning import courses
 
 CAUSES = (
@@ -72,8 +80,9 @@ QUICK_MINUTES, QUICK_SPEEDS = 5.2, (0.5,)  # of each session; of the menu
 @dataclass(frozen=True)
 class Trial:
     """A hidden cause with its `size`: `promised` d before the day and with it, `came` where the diagnosis tells it,
-    what the diagnosis `said` before the day and after: "first", "class", "place", "wrong" or "silent", and how many
-    `false` names it gave then and then, right ones beside them or not."""
+    what the diagnosis `said` before the day and after: "first", "class", "place", "wrong" or "silent", how many `false`
+    names it gave then and then, right ones beside them or not, and how probable it `stated` each name with the day,
+    with whether it is true."""
 
     seed: int
     cause: str
@@ -82,6 +91,7 @@ class Trial:
     came: float | None
     said: tuple[str, str]
     false: tuple[int, int]
+    stated: tuple[tuple[float, bool], ...]
 
     @property
     def named(self) -> tuple[bool, bool]:
@@ -92,21 +102,70 @@ class Trial:
 
 def main() -> None:
     """Run the trials; print and write what was promised and what came."""
-    words = parser(__doc__, motors=(20, 1), first=(4000, 4000))
+    words = parser(__doc__, motors=(20, 1), first=(4000, 4000), skip=(0, 0))
     words.add_argument("--hide", metavar=("CAUSE", "SIZE"), nargs=2, help="the one cause that every motor hides")
+    words.add_argument("--cache", metavar="FOLDER", type=Path, help="where finished trials stay")
     args = arguments(words)
-    if args.hide:
-        effects = [Effect(args.hide[0], float(args.hide[1]))] * args.motors
-    else:
-        promises = healthy_promises(args)
-        effects = [hidden(i, promises) for i in range(args.motors)]
-    trials = []
-    for seed, effect in enumerate(effects, args.first):
-        with tempfile.TemporaryDirectory() as folder:
-            trials.append(trial(seed, effect, args, Path(folder)))
-        print(line(trials[-1]), flush=True)
+    with tempfile.TemporaryDirectory() as fresh:
+        kept = Kept.of(args, Path(fresh))
+        trials = []
+        for i in range(args.skip, args.skip + args.motors):
+            trials.append(kept.trial(i) or kept.added(run(i, args, kept)))
+            print(line(trials[-1]), flush=True)
     print("\n".join(table(trials)))
+    print("\n".join(reliability_table([one for trial in trials for one in trial.stated])))
     asked.keep([asdict(one) for one in trials], args.json)
+
+
+def run(i: int, args: Namespace, kept: Kept) -> Trial:
+    """The so manyth motor of the series."""
+    effect = Effect(args.hide[0], float(args.hide[1])) if args.hide else hidden(i, kept.promises(args))
+    with tempfile.TemporaryDirectory() as folder:
+        return trial(args.first + i, effect, args, Path(folder))
+
+
+@dataclass(frozen=True)
+class Kept:
+    """What is finished of one question, in a folder of its own: trials, a line each, and what a plan promises of a
+    healthy motor."""
+
+    folder: Path
+    trials: dict[int, Trial]  # by seed
+    first: int
+
+    @classmethod
+    def of(cls, args: Namespace, fresh: Path) -> Kept:
+        """What the cache has of this question; nothing without a cache."""
+        asks = (args.first, args.hours, args.minutes, args.hide, args.quick)
+        doors = ("replay.studies.planning.plan", "replay.studies.diagnosis.diagnose")
+        said = repr((asks, plant_code(), [code_of(door) for door in doors]))
+        folder = (args.cache or fresh) / hashlib.sha256(said.encode()).hexdigest()[:12]
+        folder.mkdir(parents=True, exist_ok=True)
+        path = folder / "trials.jsonl"
+        rows = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+        return cls(folder, {(one := read(row)).seed: one for row in rows}, args.first)
+
+    def trial(self, i: int) -> Trial | None:
+        return self.trials.get(self.first + i)
+
+    def added(self, one: Trial) -> Trial:
+        with (self.folder / "trials.jsonl").open("a", encoding="utf-8") as file:
+            file.write(json.dumps(asdict(one)) + "\n")
+        return one
+
+    def promises(self, args: Namespace) -> Mapping[str, float]:
+        path = self.folder / "promises.json"
+        if not path.exists():
+            path.write_text(json.dumps(healthy_promises(args)), encoding="utf-8")
+        found: dict[str, float] = json.loads(path.read_text(encoding="utf-8"))
+        return found
+
+
+def read(row: str) -> Trial:
+    """A trial from its line."""
+    said = json.loads(row)
+    pairs = {name: tuple(said[name]) for name in ("promised", "said", "false")}
+    return Trial(**{**said, **pairs, "stated": tuple((p, true) for p, true in said["stated"])})
 
 
 def parser(doc: str | None, **sizes: tuple[int, int]) -> ArgumentParser:
@@ -160,6 +219,7 @@ def trial(seed: int, effect: Effect, args: Namespace, folder: Path) -> Trial:
         came[0] if came else None,
         (_said(before, effect.cause), _said(after, effect.cause)),
         (_false(before, effect.cause), _false(after, effect.cause)),
+        _stated(after, effect.cause),
     )
 
 
@@ -223,6 +283,12 @@ def _names(answer: Mapping[str, Any], cause: str) -> list[str]:
     """What each name is of the cause."""
     of = [judged(one["id"], tuple(one["indistinguishable_from"]), cause) for one in answer["causes"]]
     return [*of, *(["wrong"] if answer["unknown"] else [])]
+
+
+def _stated(answer: Mapping[str, Any], cause: str) -> tuple[tuple[float, bool], ...]:
+    """How probable each name is called with its class, and whether that is true; an exchange has no such number."""
+    of = zip(answer["causes"], _names(answer, cause), strict=False)
+    return tuple((one["probability"], said in ("first", "class")) for one, said in of if ".swap_" not in one["id"])
 
 
 def line(one: Trial) -> str:

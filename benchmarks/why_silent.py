@@ -5,9 +5,10 @@
 Healthy motors are run through three sessions (S1, S2, WLTP), and `whyhot plan` says of each effect of the catalogue how
 far it stands out at its first size: d now, with the day that is proposed, with the one test that shows it best, with
 the one thing more to observe that shows it best beside the day (a thermocouple, power, the coolant's heat, the
-winding's resistance at rest, the flux without load), and with all of these together. Medians over the motors; of tests
-and observations, the most frequent. Last, what a plan takes, the fit of the sessions included: processor time over the
-number of tests weighed, as a multiple of one simulation of an hour of the motor at its step of 0.5 s.
+winding's resistance at rest, the flux without load), with all of these together, and, without the day, where the same
+sessions had been run once before it came. Medians over the motors; of tests and observations, the most frequent. Last,
+what a plan takes, the fit of the sessions included: processor time over the number of tests weighed, as a multiple of
+one simulation of an hour of the motor at its step of 0.5 s.
 """
 
 from __future__ import annotations
@@ -55,6 +56,7 @@ class Row:
     observed: str
     with_observed: float
     all_observed: float
+    since_before: float
 
 
 def main() -> None:
@@ -120,6 +122,7 @@ def of(effect: Effect, plans: Sequence[Mapping[str, Any]]) -> Row | None:
         _most([what["what"] for _, what in seen]),
         median([(one, what["usual_d"]) for one, what in seen]),
         median([(one, one["usual_d_all_observed"]) for one in own]),
+        median([(one, one["usual_d_since_before"]) for one in own]),
     )
 
 
@@ -129,18 +132,19 @@ def _most(words: Sequence[str]) -> str:
 
 def table(rows: Sequence[Row]) -> list[str]:
     """The effects that are silent now, those that nothing shows last."""
-    head = f"{'effect':<44} {'size':>7} {'now':>5} {'day':>5} {'test':>5} {'observed':>8} {'all':>5}"
+    head = f"{'effect':<44} {'size':>7} {'now':>5} {'day':>5} {'test':>5} {'observed':>8} {'all':>5} {'before':>6}"
     lines = [f"{head}  what to observe; which test"]
     silent = sorted((row for row in rows if row.now < SILENT), key=lambda row: -max(row.day, row.with_observed))
     for row in silent:
-        lines.append(
-            f"{row.cause:<44} {row.size:>7g} {row.now:>5.1f} {row.day:>5.1f} {row.with_test:>5.1f} "
-            f"{row.with_observed:>8.1f} {row.all_observed:>5.1f}  {row.observed or '-'}; {row.test or '-'}"
-        )
+        d = f"{row.now:>5.1f} {row.day:>5.1f} {row.with_test:>5.1f} {row.with_observed:>8.1f} {row.all_observed:>5.1f}"
+        by = f"{row.observed or '-'}; {row.test or '-'}"
+        lines.append(f"{row.cause:<44} {row.size:>7g} {d} {row.since_before:>6.1f}  {by}")
     one = sum(max(row.day, row.with_observed) >= SHOWS for row in silent)
     every = sum(row.all_observed >= SHOWS for row in silent)
+    since = sum(row.since_before >= SHOWS for row in silent)
     now = f"silent now: {len(silent)} of {len(rows)}"
     lines.append(f"{now}; shown by the day or one observation: {one}, by all together: {every}")
+    lines.append(f"shown where the same sessions were run before it came: {since}")
     return lines
 
 

@@ -32,6 +32,8 @@ from benchmarks.trial.rates import (
     audits,
     by_entry,
     by_entry_table,
+    by_what_hides,
+    by_what_hides_table,
     gains,
     gains_table,
     lost_causes,
@@ -42,6 +44,7 @@ from benchmarks.trial.rates import (
     reliability_table,
     singles,
     singles_table,
+    stated_of,
 )
 from benchmarks.trial.visibility import VISIBLE, Seen
 from plant import Effect, Plant, drives
@@ -265,14 +268,30 @@ def test_terms_that_enter_late_are_counted_by_themselves() -> None:
 def test_stated_probabilities_stand_beside_how_often_they_were_right() -> None:
     right, elsewhere = (replace(_named(cause), stated={cause: 0.97}) for cause in (HIDDEN, "loss.yoke.speed2"))
     in_class = replace(elsewhere, groups={"loss.yoke.speed2": (HIDDEN,)})
-    (row,) = reliability([right, in_class, in_class, elsewhere, SILENT])
+    (row,) = reliability(stated_of([right, in_class, in_class, elsewhere, SILENT]))
     assert (row["from"], row["to"], row["true"]["count"], row["true"]["of"]) == (0.95, 0.99, 3, 4)
     assert row["stated"] == pytest.approx(0.97)
     sure = replace(elsewhere, stated={"loss.yoke.speed2": 1.0})
-    head, low, high = reliability_table([right, *[sure] * 5])
+    head, low, high = reliability_table(stated_of([right, *[sure] * 5]))
     assert head.split()[-1] == "true"
     assert low.split() == ["0.95", "to", "0.99", "0.970", "1/1", "[5%,", "100%]"]
     assert high.split() == ["0.99", "to", "1.00", "1.000", "0/5", "[0%,", "45%]", "off"]
+
+
+def test_stated_probabilities_are_told_apart_by_what_hides() -> None:
+    right, wrong = (replace(_named(cause), stated={cause: 0.97}) for cause in (HIDDEN, "loss.yoke.speed2"))
+    off = replace(wrong, hidden=(Seen("unknown.contact", 1.0, 9.0),))
+    several, healthy = replace(right, hidden=(*right.hidden, *off.hidden)), replace(wrong, hidden=())
+    found = by_what_hides([right, right, wrong, off, several, healthy, SILENT])
+    counts = {kind: (row["true"]["count"], row["true"]["of"]) for kind, row in found.items()}
+    assert counts == {
+        "one of the library": (2, 3),
+        "one off the library": (0, 1),
+        "several at once": (1, 1),
+        "nothing": (0, 1),
+    }
+    assert by_what_hides([SILENT]) == {}
+    assert by_what_hides_table([off])[1].split() == ["one", "off", "the", "library", "0.970", "0/1", "[0%,", "95%]"]
 
 
 def test_a_lost_cause_counts_where_it_could_be_seen() -> None:

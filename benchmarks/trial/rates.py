@@ -18,6 +18,7 @@ from benchmarks.trial.visibility import BANDS, VISIBLE
 
 BOTH_BOUNDS = 0.90  # of both together: each holds with 95 % by itself
 K = TypeVar("K", bound=Hashable)
+HIDES = ("one of the library", "one off the library", "several at once", "nothing")
 STATED = (0.0, 0.5, 0.8, 0.95, 0.99, 1.0)  # edges of the stated probabilities that are counted together
 ALL, NOT_RATED = "all", "not rated"  # of all forms and rules; of effects without an expected ln BF
 
@@ -107,10 +108,14 @@ def _said(one: dict[str, Any]) -> str:
 # --- Stated probabilities ---------------------------------------------------------------------------------------------
 
 
-def reliability(results: Sequence[Result]) -> list[dict[str, Any]]:
+def stated_of(results: Sequence[Result]) -> list[tuple[float, bool]]:
+    """Every name's stated probability, and whether it is true: what hides there is the name or in its class."""
+    return [(p, r.of_name(name) in ("first", "class")) for r in results for name, p in r.stated.items()]
+
+
+def reliability(stated: Sequence[tuple[float, bool]]) -> list[dict[str, Any]]:
     """Of the names whose stated probability lies between two of STATED: the mean of what is stated, and how many are
-    true, as what hides there is the name or in its class. Bins without a name are left out."""
-    stated = [(p, r.of_name(name) in ("first", "class")) for r in results for name, p in r.stated.items()]
+    true. Bins without a name are left out."""
     rows = []
     for low, high in pairwise(STATED):
         own = [(p, true) for p, true in stated if low <= p < high or p == high == STATED[-1]]
@@ -120,10 +125,41 @@ def reliability(results: Sequence[Result]) -> list[dict[str, Any]]:
     return rows
 
 
-def reliability_table(results: Sequence[Result]) -> list[str]:
+def by_what_hides(results: Sequence[Result]) -> dict[str, dict[str, Any]]:
+    """What hides -> the mean of the stated probabilities of names there, and how many are true; kinds without a name
+    are left out. The list of candidates, within which a probability is stated, has what hides in the first kind
+    alone."""
+    found: defaultdict[str, list[tuple[float, bool]]] = defaultdict(list)
+    for result in results:
+        found[_hides(result)] += stated_of([result])
+    return {
+        kind: {"stated": float(np.mean([p for p, _ in own])), "true": rate(sum(true for _, true in own), len(own))}
+        for kind in HIDES
+        if (own := found[kind])
+    }
+
+
+def _hides(result: Result) -> str:
+    one, off, several, nothing = HIDES
+    if len(result.hidden) > 1:
+        return several
+    if not result.hidden:
+        return nothing
+    return off if result.hidden[0].cause.startswith("unknown") else one
+
+
+def by_what_hides_table(results: Sequence[Result]) -> list[str]:
+    """Stated probabilities beside how often they were right, by what hides."""
+    lines = [f"{'names where there hides':<30}{'mean':>8}{'true':>20}"]
+    for kind, row in by_what_hides(results).items():
+        lines.append(f"{kind:<30}{row['stated']:>8.3f}{_said(row['true']):>20}")
+    return lines
+
+
+def reliability_table(stated: Sequence[tuple[float, bool]]) -> list[str]:
     """Stated probabilities beside how often they were right; `off` where the bounds of that leave out their mean."""
     lines = [f"{'stated probability of a name':<30}{'mean':>8}{'true':>20}"]
-    for row in reliability(results):
+    for row in reliability(stated):
         off = "" if row["true"]["at_least"] <= row["stated"] <= row["true"]["at_most"] else "  off"
         name = f"{row['from']:.2f} to {row['to']:.2f}"
         lines.append(f"{name:<30}{row['stated']:>8.3f}{_said(row['true']):>20}{off}")

@@ -104,11 +104,11 @@ def valued(bench: Bench) -> list[ResolvedChannel]:
     ]
 
 
-def thermometers(bench: Bench, boundaries: Collection[str], regions: Mapping[str, str]) -> list[ResolvedChannel]:
-    """The channels of `bench` that observe temperatures, as they hold before there is any log; arguments as of
+def observing(bench: Bench, boundaries: Collection[str], regions: Mapping[str, str]) -> list[ResolvedChannel]:
+    """The channels of `bench` that observe the motor, as they hold before there is any log; arguments as of
     `resolve`."""
-    kinds = (channel for channel in bench.channels if channel.quantity == "temperature" and channel.value is None)
-    found = [_filled(channel, (Signal(channel.name),), channel.name, boundaries, regions) for channel in kinds]
+    measured = (channel for channel in bench.channels if channel.quantity and channel.value is None)
+    found = [_filled(channel, (Signal(channel.name),), channel.name, boundaries, regions) for channel in measured]
     return [channel for channel in found if channel.role == "observed"]
 
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from twin.errors import CauseError
-from twin.fitting.recorded import Floats, RecordedChannel, Test
+from twin.fitting.recorded import Floats, RecordedChannel, RecordedMeter, Test
 from twin.motor import features
 from twin.motor.causes import Cause
 from twin.motor.network import Network
@@ -21,6 +22,7 @@ HOUR_S, MINUTE_S = 3600.0, 60.0
 SLOW_SHARE, FAST_SHARE, MIDDLE_SHARE = 0.25, 0.9, 0.5  # of the highest speed
 PULSE_S, PAUSE_S = 60.0, 240.0
 LEAST_FLOW_SHARE = 0.5  # of the usual flow, in the flow step
+AS_NEAR = 0.02  # in speed and load, both over their scales: as near as the nearest recorded step
 
 
 @dataclass(frozen=True)
@@ -81,8 +83,10 @@ def load_of(tests: Sequence[Test]) -> str | None:
 
 def as_test(network: Network, tests: Sequence[Test], proposed: Proposed) -> Test:
     """A proposed test as a model runs it: from the coldest recorded start, between the mean boundaries, with every
-    channel of the tests. Inputs that it does not set are those of the recorded step nearest in speed and load."""
-    inputs = _inputs(tests, proposed)
+    channel and meter of the tests. Inputs that it does not set are those of the recorded step nearest in speed and
+    load; a meter is read where one of the nearest steps was."""
+    near = _Near.of(tests, proposed)
+    inputs = _inputs(tests, proposed, near)
     length = len(proposed.speed)
     coldest = min(tests, key=lambda t: float(t.initial.mean()))
     around = np.concatenate([t.frame.boundaries for t in tests]).mean(axis=0)
@@ -95,7 +99,8 @@ def as_test(network: Network, tests: Sequence[Test], proposed: Proposed) -> Test
         if name not in products and (found := _product(name, inputs, length)) is not None:
             products[name] = found
     channels = read_throughout({c.name: c for t in tests for c in t.channels}.values(), length)
-    return Test(proposed.words, "other", frame, inputs, products, coldest.initial, coldest.initial_sd, channels)
+    test = Test(proposed.words, "other", frame, inputs, products, coldest.initial, coldest.initial_sd, channels)
+    return replace(test, meters=tuple(_meters(tests, near)))
 
 
 def read_throughout(channels: Iterable[RecordedChannel], length: int) -> tuple[RecordedChannel, ...]:
@@ -104,17 +109,60 @@ def read_throughout(channels: Iterable[RecordedChannel], length: int) -> tuple[R
     return tuple(RecordedChannel(c.sensor, zero, every, middle) for c in channels)
 
 
-def _inputs(tests: Sequence[Test], proposed: Proposed) -> dict[str, Floats]:
-    load = str(load_of(tests))
+@dataclass(frozen=True)
+class _Near:
+    """The `recorded` speeds and loads (M, 2) of all tests, those `proposed` (N, 2), and of each of these the `nearest`
+    recorded step (N,) and its `distance` (N,)."""
+
+    recorded: Floats
+    proposed: Floats
+    nearest: NDArray[np.intp]
+    distance: Floats
+
+    @classmethod
+    def of(cls, tests: Sequence[Test], proposed: Proposed) -> _Near:
+        load = str(load_of(tests))
+        recorded = np.concatenate([np.column_stack([t.inputs["speed"], t.inputs[load]]) for t in tests])
+        wanted = np.column_stack([proposed.speed, proposed.load])
+        distance, nearest = cKDTree(recorded).query(wanted)
+        return cls(recorded, wanted, nearest, distance)
+
+    def among(self, read: NDArray[np.bool_]) -> tuple[NDArray[np.intp], Floats]:
+        """The nearest of the recorded steps that were `read` (M,), some, and 1 (N,) where one of them is as near as the
+        nearest of all, else 0."""
+        distance, nearest = cKDTree(self.recorded[read]).query(self.proposed)
+        return np.flatnonzero(read)[nearest], (distance <= self.distance + AS_NEAR).astype(np.float64)
+
+
+def _inputs(tests: Sequence[Test], proposed: Proposed, near: _Near) -> dict[str, Floats]:
     shared = [name for name in tests[0].inputs if all(name in t.inputs for t in tests)]
     seen = {name: np.concatenate([t.inputs[name] for t in tests]) for name in shared}
-    recorded = cKDTree(np.column_stack([seen["speed"], seen[load]]))
-    _, nearest = recorded.query(np.column_stack([proposed.speed, proposed.load]))
-    found = {name: values[nearest] for name, values in seen.items()}
+    found = {name: values[near.nearest] for name, values in seen.items()}
     for name in shared:
         if name.startswith("flow"):
             found[name] = float(np.median(seen[name])) * proposed.flow
-    return {**found, "speed": proposed.speed, load: proposed.load}
+    return {**found, "speed": proposed.speed, str(load_of(tests)): proposed.load}
+
+
+def _meters(tests: Sequence[Test], near: _Near) -> Iterator[RecordedMeter]:
+    """The meters of the tests; what one reads besides is that of the nearest step, of a shaft at the torque there."""
+    for first in {meter.name: meter for test in reversed(tests) for meter in test.meters}.values():
+        own = [next((m for m in t.meters if m.name == first.name), _unread(first, t)) for t in tests]
+        read = np.concatenate([m.samples for m in own]) > 0
+        if not read.any():
+            continue
+        given = np.concatenate([m.given * np.ones_like(m.samples) for m in own])
+        heat = np.concatenate([m.measured - m.given for m in own])[read]
+        nearest, at = near.among(read)
+        turned, turns = near.recorded[nearest, 0], near.proposed[:, 0]
+        besides = given[nearest] * np.divide(turns, turned, out=np.ones_like(turns), where=turned != 0.0)
+        measured = besides + np.abs(heat).mean()  # sizes the meter's rows as they were
+        yield replace(first, measured=measured, samples=at, place=np.full_like(at, 0.5), given=besides)
+
+
+def _unread(meter: RecordedMeter, test: Test) -> RecordedMeter:
+    nothing = np.zeros(len(test.frame.features))
+    return replace(meter, measured=nothing, samples=nothing, place=nothing, given=0.0)
 
 
 def _product(name: str, inputs: dict[str, Floats], length: int) -> Floats | None:

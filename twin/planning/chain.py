@@ -104,13 +104,14 @@ class Best:
 class Promise:
     """Of each candidate (m,): d of its prior size `before` the day and `after` it; with the one test that shows it
     best, beside the recorded ones, with the one thing more to observe that shows it best, beside the day, and where all
-    of them are observed."""
+    of them are observed. `since_before`: without the day, where the recorded tests had been run once before it came."""
 
     before: Floats
     after: Floats
     best_test: Best
     best_observed: Best
     all_observed: Floats
+    since_before: Floats
 
 
 @dataclass(frozen=True)
@@ -154,7 +155,12 @@ def plan_day(found: Prospect, hours: float, only: Collection[str], tell: Tell) -
     tell("weighing what else could be observed")
     observing = _Observing(found, wanted, bench.test(course), told)
     promise = Promise(
-        before, after, Best.of(weighing.alone(), before), Best.of(observing.alone, after), observing.together
+        before,
+        after,
+        Best.of(weighing.alone(), before),
+        Best.of(observing.alone, after),
+        observing.together,
+        wanted.d(found.ground.since_before),
     )
     return Day(steps, course, rest_min, hot, promise, observing.steps(), weighing.count, tuple(weighing.refused))
 

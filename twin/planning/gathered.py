@@ -9,7 +9,7 @@ the own parameters are taken out first in the same way (Schur complement).
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import accumulate, pairwise
 
@@ -71,6 +71,12 @@ class Ground:
         precision."""
         found: Floats = cholesky(self.known.gram, lower=True)
         return found
+
+    @property
+    def since_before(self) -> Gathered:
+        """What the fit's tests tell of what came after they had been run once before: they tell all else twice."""
+        prior = np.diag(1 / self.fit.model.sd[self.shared] ** 2)
+        return replace(self.known, gram=2 * self.known.gram - prior)
 
     def untried(self, test: Test, more: Sequence[Parameter] = ()) -> Untried:
         """A new test by the fit, with what it brings along and `more`."""

@@ -31,12 +31,15 @@ TURNS = 0.1  # of the top speed: slower, the induced voltage is too small
 
 def observing(network: Network, test: Test, tests: Sequence[Test]) -> Test:
     """The test with all that it could observe besides and nothing else, each under a name in words; `tests`: the
-    recorded ones."""
+    recorded ones. What its own meters measure is observed already."""
+    has = {(meter.what.quantity, meter.what.boundary) for meter in test.meters}
     length = len(test.frame.features)
     channels = read_throughout(
         [RecordedChannel(s, np.zeros(0), np.zeros(0), np.zeros(0)) for s in _thermocouples(network, test)], length
     )
-    return replace(test, channels=channels, meters=tuple(_meters(network, test, mean_loss_W(network, tests))))
+    meters = _meters(network, test, mean_loss_W(network, tests))
+    new = tuple(meter for meter in meters if (meter.what.quantity, meter.what.boundary) not in has)
+    return replace(test, channels=channels, meters=new)
 
 
 def _thermocouples(network: Network, test: Test) -> Iterator[Sensor]:

@@ -29,8 +29,8 @@ def document(found: Planned) -> dict[str, Any]:
     """`whyhot.plan/1`."""
     day, ids = found.day, [str(candidate.cause) for candidate in found.prospect.candidates]
     promise = day.promise
-    each = (promise.before, promise.after, promise.all_observed)
-    before, after, everything = (dict(zip(ids, d.tolist(), strict=True)) for d in each)
+    each = (promise.before, promise.after, promise.all_observed, promise.since_before)
+    before, after, everything, since = (dict(zip(ids, d.tolist(), strict=True)) for d in each)
     tests, observed = (dict(zip(ids, _best(best), strict=True)) for best in (promise.best_test, promise.best_observed))
     usual = {one.name: one.sd / at_one(one) for one in found.prospect.ground.candidates}
     node, hottest, high = _hottest(found)
@@ -55,6 +55,7 @@ def document(found: Planned) -> dict[str, Any]:
                 "best_test": tests[str(one.candidate.cause)],
                 "best_observation": observed[str(one.candidate.cause)],
                 "usual_d_all_observed": everything[str(one.candidate.cause)],
+                "usual_d_since_before": since[str(one.candidate.cause)],
             }
             for one in found.prospect.detectable
         ],

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from ingest.bench.bench_file import Bench, read_bench
-from ingest.bench.resolving import ResolvedChannel, check_nodes, thermometers, valued
+from ingest.bench.resolving import ResolvedChannel, check_nodes, observing, valued
 from ingest.catalogue.channels import ChannelData
 from ingest.texts.nearest import hint
 from ingest.texts.quantities import STORED_UNIT, Conversion
@@ -25,11 +25,12 @@ from replay.engine.files.motor_maps import whole
 from replay.engine.frame.frame import column_name
 from replay.errors import ReplayDataError
 from replay.studies.diagnosis.question import LEAST_S, Campaign, without_tests
-from replay.studies.sessions.recorded import STEP_S, test_of_channels
+from replay.studies.sessions.recorded import STEP_S, test_of_channels, with_meters
 from twin.differences.everyday import everyday
 from twin.errors import DivergedError, PlanError
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
 from twin.fitting.model import Floats, Model, Test
+from twin.fitting.recorded import RecordedMeter
 from twin.fitting.supposed import supposing
 from twin.motor.configured import configured
 from twin.motor.features import QUANTITY, is_flow, monomials, quantity
@@ -83,10 +84,10 @@ def listed_campaign(listed: Listed, level: str) -> Campaign:
     for name, channels in zip(listed.tests, loaded, strict=True):
         good = [np.ones(len(channel.t_ns), dtype=np.bool_) for channel in channels]
         try:
-            test, _ = test_of_channels(name, "drive", channels, good, listed.network, asked.monomials, level, hours)
+            test, frame = test_of_channels(name, "drive", channels, good, listed.network, asked.monomials, level, hours)
         except ReplayDataError as error:
             raise ReplayDataError(f"{name}: {error}") from None
-        tests.append(test)
+        tests.append(with_meters(test, frame, listed.network, level))
     return replace(asked, tests=tuple(_as_the_file_runs(listed.network, tests)))
 
 
@@ -108,8 +109,15 @@ def _as_the_file_runs(network: Network, tests: Sequence[Test]) -> Iterator[Test]
                 f"{test.name}: {error}. With this test: a smaller load, colder coolant or a shorter test would relax it"
             ) from None
         _refuse_too_hot(network, test, run)
-        channels = (replace(c, measured=run @ np.asarray(c.sensor.over(names))) for c in test.channels)
-        yield replace(test, channels=tuple(channels))
+        channels = tuple(replace(c, measured=run @ np.asarray(c.sensor.over(names))) for c in test.channels)
+        shown = {one.channel: one.y for one in as_file.residuals_of(number, np.zeros(0))}
+        meters = tuple(replace(m, measured=_reading(m, shown[m.name])) for m in test.meters)
+        yield replace(test, channels=channels, meters=meters)
+
+
+def _reading(meter: RecordedMeter, off: Floats) -> Floats:
+    """What a meter shows by a run from which its readings are so many rows `off` (B,), step for step (N,)."""
+    return meter.measured - meter.row * np.repeat(off, len(meter.measured) // len(off))
 
 
 def _refuse_too_hot(network: Network, test: Test, run: Floats) -> None:
@@ -173,8 +181,9 @@ def _bytes(file: Path) -> bytes:
 
 
 def _channels(listed: Listed, name: str, columns: Mapping[str, Floats]) -> list[ChannelData]:
-    """A test's set values and sensors as the channels of a session; sensors show the mean of what is around at the
-    start, from which the start is then known as a recorded one is."""
+    """A test's set values, sensors and meters as the channels of a session; sensors show the mean of what is around at
+    the start, from which the start is then known as a recorded one is. A power is compared with that of the shaft, and
+    is not measured where a test does not say that."""
     network, known = listed.network, _columns(listed.network)
     around = [boundary.name for boundary in network.boundaries]
     said = {AMBIENT: AMBIENT_degC} | {str(channel.node): channel.value for channel in valued(listed.bench)}
@@ -188,7 +197,9 @@ def _channels(listed: Listed, name: str, columns: Mapping[str, Floats]) -> list[
     regions = {node.name: node.region for node in network.nodes}
     of = dict(known.values())
     inputs = [(_input(one, of[one], one in around), values) for one, values in given.items()]
-    sensors = [(spec, np.full(len(t_ns), start)) for spec in thermometers(listed.bench, around, regions)]
+    shaft = {"speed_rpm", "torque_Nm"} <= columns.keys()
+    observed = [one for one in observing(listed.bench, around, regions) if one.quantity != "power" or shaft]
+    sensors = [(one, np.full(len(t_ns), start if one.quantity == "temperature" else 1.0)) for one in observed]
     zeros = np.zeros(len(t_ns), np.int64)
     return [ChannelData(spec, t_ns, values, zeros, zeros, (name,), (_bus(spec),)) for spec, values in inputs + sensors]
 

@@ -11,6 +11,10 @@ from made import motor as made
 from twin.diagnosis.next_tests import Proposed, as_test, load_of, menu
 from twin.differences.everyday import everyday
 from twin.fitting.model import Model, Test
+from twin.fitting.recorded import RecordedMeter
+from twin.motor.observables import Measurand, Thermometric
+from twin.motor.sensor import Sensor
+from twin.planning.observed import observing
 
 INITIAL = np.array([60.0, 50.0, 55.0, 45.0])
 NETWORK = made.every_law()
@@ -92,3 +96,45 @@ def test_torque_stands_for_the_load_where_no_current_is_known(tests: list[Test])
     words = [p.words for p in menu(network, turning)]
     assert any("Nm" in w for w in words)
     assert not any("standstill" in w or "flow" in w for w in words)
+
+
+def _metered() -> list[Test]:
+    """At one speed with two loads and at rest: power is read throughout, a resistance at rest alone; a second test has
+    no meter."""
+    speed, current = np.repeat([0.5, 0.5, 0.0], 400), np.repeat([0.2, 0.8, 0.0], 400)
+    drive = {"speed": speed, "current": current, "flow": np.full(1200, 0.8)}
+    test = made.recorded(NETWORK, drive, INITIAL)
+    steps = len(test.frame.features)
+    middle, given = np.full(steps, 0.5), 2000.0 * test.inputs["speed"]
+    power = Measurand("power", "W", gain_sd=0.01)
+    heat = RecordedMeter(Sensor("P_el", {}), given + 150.0, np.full(steps, 4.0), middle, power, given)
+    law = Measurand("resistance", "ohm", 0.001, law=Thermometric(1.0, 0.004, 20.0))
+    at_rest = (test.inputs["speed"] == 0.0).astype(np.float64)
+    resistance = RecordedMeter(Sensor("R", {"winding": 1.0}), np.ones(steps), at_rest, middle, law)
+    return [made.recorded(NETWORK, drive, INITIAL), replace(test, meters=(heat, resistance))]
+
+
+def test_meters_of_the_bench_are_read_in_proposals_where_they_were_read() -> None:
+    recorded, tens = _metered(), np.ones(10)
+    speed, load = np.repeat([0.25, 0.0], 10), np.repeat([0.8, 0.0], 10)
+    test = as_test(NETWORK, recorded, Proposed("", speed, load, np.ones(20)))
+    power, resistance = test.meters
+    np.testing.assert_array_equal(power.samples, np.concatenate([tens, tens]))
+    np.testing.assert_array_equal(resistance.samples, np.concatenate([0 * tens, tens]))
+    np.testing.assert_allclose(np.broadcast_to(power.given, 20)[:10], 500.0)  # the torque there, at half its speed
+    assert power.row == pytest.approx(recorded[1].meters[0].row)
+    shown = {one.channel: len(one.y) for one in Model(NETWORK, [test], []).residuals(np.zeros(0))}
+    assert (shown["P_el"], shown["R"]) == (2 * shown["R"], shown["R"])
+    assert shown["R"] > 0
+
+
+def test_what_a_bench_has_is_not_proposed_again() -> None:
+    recorded = _metered()
+    test = as_test(NETWORK, recorded, Proposed("", np.zeros(20), np.zeros(20), np.ones(20)))
+    torque = {"torque": np.ones(20)}
+    network = replace(NETWORK, scale={**NETWORK.scale, "torque": 300.0})
+    without = replace(test, meters=(), inputs={**test.inputs, **torque})
+    proposed = {m.what.quantity for m in observing(network, without, recorded).meters}
+    assert {"power", "resistance", "heat"} <= proposed
+    left = observing(network, replace(without, meters=test.meters), recorded)
+    assert {m.what.quantity for m in left.meters} == proposed - {"power", "resistance"}

@@ -51,3 +51,19 @@ def test_a_length_tells_what_the_test_cut_there_tells(found: Prospect) -> None:
     np.testing.assert_allclose(shorter.cross, alone.cross, rtol=1e-6, atol=1e-6 * np.abs(alone.cross).max())
     np.testing.assert_allclose(shorter.square, alone.square, rtol=1e-6, atol=1e-9 * alone.square.max())
     assert (longer.square >= shorter.square * (1 - 1e-9)).all()
+
+
+def test_a_cause_that_came_since_the_same_tests_shows_as_in_both_diagnosed_together(found: Prospect) -> None:
+    fit, ground = found.ground.fit, found.ground
+    base = fit.model
+    own = [p for p, one in enumerate(base.parameters) if one.test is not None]
+    parameters = (*base.parameters, *(replace(base.parameters[p], test=1) for p in own))
+    both = Model(base.network, (*base.tests, *base.tests), parameters, base.noise)
+    beta = np.append(fit.beta, fit.beta[own])
+    parts = both.linearise(beta, ground.candidates)
+    since = [replace(one, extra=one.extra * one.series.session) for one in parts]
+    projector, v, _ = stacked(replace(fit, model=both, beta=beta), since)
+    expected = np.diag(projector.inner(v, v))
+    told = ground.since_before.information()
+    np.testing.assert_allclose(told, expected, rtol=1e-6, atol=1e-9 * expected.max())
+    assert (told >= ground.known.information() * (1 - 1e-9)).all()

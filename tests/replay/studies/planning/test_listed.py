@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from made import meters
 from replay.cli import main
 from replay.studies.planning.listed import listed_campaign, read_listed, unfitted
 
@@ -52,6 +53,25 @@ def test_a_written_day_is_such_a_test_and_teaches_nothing_by_itself(bench: Path,
     fit = unfitted(listed_campaign(listed, "testing"))
     assert not fit.beta.any()
     assert max(float(np.abs(series.y).max()) for series in fit.series) < 0.05  # K: readings are the file's own run
+
+
+def test_meters_of_the_bench_file_are_read_in_a_list_of_tests(tmp_path: Path) -> None:
+    meters.write(tmp_path)
+    head = "time_s,speed_rpm,current_A,coolant_degC"
+    rows = ("0,0,0,30", "10,3000,12,30", "1500,3000,12,30")
+    (tmp_path / "with.csv").write_text(
+        f"{head},torque_Nm\n" + "\n".join(f"{row},{9 if i else 0}" for i, row in enumerate(rows)), encoding="utf-8"
+    )
+    (tmp_path / "bare.csv").write_text("\n".join([head, *rows]), encoding="utf-8")
+    listed = read_listed([tmp_path / "with.csv", tmp_path / "bare.csv"], tmp_path / "bench.toml", None)
+    campaign = listed_campaign(listed, "testing")
+    names = [[meter.name for meter in test.meters] for test in campaign.tests]
+    assert names == [["P_el", "Q_cool", "R", "psi"], ["Q_cool", "R", "psi"]], "a power needs that of the shaft"
+    power = campaign.tests[0].meters[0]
+    assert power.measured.mean() == pytest.approx(9 * 3000 * 2 * np.pi / 60, rel=0.15), "shaft and losses"
+    fit = unfitted(campaign)
+    assert "meter.P_el.gain" in [parameter.name for parameter in fit.model.parameters]
+    assert max(float(np.abs(series.y).max()) for series in fit.series) < 0.05  # K, or as much: the file's own run
 
 
 def test_straight_lines_between_rows_are_driven(bench: Path, tmp_path: Path) -> None:
