@@ -1,9 +1,10 @@
 """How much memory `ingest` and `show` of a long log take, next to the bound that the program keeps.
 
-    python benchmarks/memory.py [--quick] [--json FILE] [--mb N]
+    python benchmarks/memory.py [--quick] [--json FILE] [--mb N] [--formats blf,asc,csv,log]
 
-A BLF of one message at 4,000 frames a second, of as many megabytes as `--mb` says (2000 for one of 2 GB), with a bench
-file for its four signals. Each verb is a command of its own. Of it is printed what all its processes held at once at
+One message at 4,000 frames a second, as a log of each format (`log` is candump's, `csv` a table with a row a frame), of
+as many megabytes as `--mb` says (2000 for 2 GB), with a bench file for its four signals. Each verb is a command of its
+own. Of it is printed what all its processes held at once at
 most (`all`: what they share is counted in each), and the largest of them (`largest`), as the system counts it: Linux
 only. What is held is looked at 50 times a second. The exit code is 1 where one is above the bound.
 """
@@ -16,8 +17,11 @@ import subprocess
 import sys
 import tempfile
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 HERE = Path(__file__).parent
 sys.path[:] = [place for place in sys.path if Path(place) != HERE]  # the files here have the names of packages
@@ -31,37 +35,71 @@ MIB = 1 << 20
 PROBE = 20_000  # frames that tell how many a megabyte holds
 EVERY_S = 0.02
 CODE = "import sys; from replay.cli import main; sys.exit(main())"
+STEP_US = 250
+LINES = {  # of a frame: when, and its eight bytes in hexadecimal
+    "asc": b"%d.%06d 1 100 Rx d 8 %s\n",
+    "log": b"(%d.%06d) can0 100#%s\n",
+    "csv": b"%d.%06d,%s\n",
+}
+HEADS = {
+    "asc": b"date Tue Mar 4 08:00:00.000 2025\nbase hex timestamps absolute\nno internal events logged\n",
+    "log": b"",
+    "csv": b"time,w0,w1,w2,w3\n",
+}
 DATABASE = 'VERSION ""\nBU_: BENCH\nBO_ 256 Words: 8 BENCH\n' + "".join(
     f' SG_ w{k} : {16 * k}|16@1+ (0.1,-40) [0|0] "degC" BENCH\n' for k in range(4)
 )
-BENCH = 'schema = "whyhot.bench/1"\n' + "".join(
-    f'[[channel]]\nsignal = "Words.w{k}"\nquantity = "temperature"\nunit = "degC"\n' for k in range(4)
-)
+CHANNEL = '[[channel]]\nsignal = "%sw%d"\nquantity = "temperature"\nunit = "degC"\n'
 
 
 def main() -> None:
     """Print the table."""
-    chosen = asked.parser(__doc__, mb=(200, 2)).parse_args()
+    line = asked.parser(__doc__, mb=(200, 2))
+    line.add_argument("--formats", default="blf", help="which, with commas between; %(default)s")
+    chosen = line.parse_args()
+    found = [_one(form, chosen.mb * 1_000_000) for form in chosen.formats.split(",")]
+    asked.keep({"bound_MiB": BOUND_MIB, "logs": found}, chosen.json)
+    sys.exit(1 if any(verb["all_MiB"] > BOUND_MIB for one in found for verb in one["verbs"]) else 0)
+
+
+def _one(form: str, size: int) -> dict[str, Any]:
+    """A log of one format and about so many bytes, ingested and shown."""
     with tempfile.TemporaryDirectory(prefix="memory") as place:
         folder = Path(place)
-        frames = write_setup(folder, chosen.mb * 1_000_000)
-        size = (folder / "log.blf").stat().st_size
-        print(f"log.blf: {size / 1e6:,.0f} MB, {frames:,} frames; bound {BOUND_MIB:,} MiB")
+        frames = write_setup(folder, form, size)
+        size = (folder / f"log.{form}").stat().st_size
+        print(f"log.{form}: {size / 1e6:,.0f} MB, {frames:,} frames; bound {BOUND_MIB:,} MiB")
         print(f"{'':8} {'all MiB':>8} {'largest MiB':>12} {'of bound':>9} {'s':>6}")
-        ingest = ("ingest", "log.blf", "--bench", "bench.toml", "--dbc", "bench.dbc")
-        found = [measured(folder, *words) for words in (ingest, ("show", "log"))]
-    asked.keep({"bytes": size, "frames": frames, "bound_MiB": BOUND_MIB, "verbs": found}, chosen.json)
-    sys.exit(1 if any(one["all_MiB"] > BOUND_MIB for one in found) else 0)
+        setup = ("--bench", "bench.toml", *(() if form == "csv" else ("--dbc", "bench.dbc")))
+        verbs = [measured(folder, *words) for words in (("ingest", f"log.{form}", *setup), ("show", "log"))]
+    return {"format": form, "bytes": size, "frames": frames, "verbs": verbs}
 
 
-def write_setup(folder: Path, size: int) -> int:
+def write_setup(folder: Path, form: str, size: int) -> int:
     """The log of about `size` bytes, bench file and database; how many frames it has."""
-    write_blf(folder / "log.blf", PROBE)
-    frames = PROBE * size // (folder / "log.blf").stat().st_size
-    write_blf(folder / "log.blf", frames)
-    (folder / "bench.toml").write_text(BENCH, encoding="utf-8")
+    path, write = folder / f"log.{form}", write_blf if form == "blf" else partial(_write_lines, form)
+    write(path, PROBE)
+    frames = PROBE * size // path.stat().st_size
+    write(path, frames)
+    channels = [CHANNEL % ("" if form == "csv" else "Words.", k) for k in range(4)]
+    (folder / "bench.toml").write_text('schema = "whyhot.bench/1"\n' + "".join(channels), encoding="utf-8")
     (folder / "bench.dbc").write_text(DATABASE, encoding="utf-8")
     return frames
+
+
+def _write_lines(form: str, path: Path, count: int) -> None:
+    """So many frames as lines; their values come again after each `PROBE`."""
+    words = 400 + 10 * np.sin(np.arange(PROBE)[:, None] / np.array([600, 950, 1400, 3000]))
+    words = np.round(words + np.random.default_rng(1).normal(0, 1, words.shape)).astype("<u2")
+    if form == "csv":
+        values = [b",".join(b"%.1f" % value for value in row) for row in (0.1 * words - 40).tolist()]
+    else:
+        values = [row.tobytes().hex(*[" "] * (form == "asc")).encode() for row in words]
+    with path.open("wb") as file:
+        file.write(HEADS[form])
+        for first in range(0, count, PROBE):
+            stamps = (divmod(number * STEP_US, 1_000_000) for number in range(first, min(first + PROBE, count)))
+            file.writelines(LINES[form] % (*stamp, value) for stamp, value in zip(stamps, values, strict=False))
 
 
 def measured(folder: Path, *words: str) -> dict[str, Any]:

@@ -82,6 +82,14 @@ def test_a_store_of_a_newer_version_is_refused_in_one_line(store: Path, capsys: 
         assert "schema 'whyhot.store/4' is not known here (this is whyhot.store/1): update whyhot" in line
 
 
+@pytest.mark.parametrize("mark", ["", "[]", "[" * 100_000])
+def test_a_mark_that_is_none_is_refused_in_one_line(store: Path, capsys: Capture, mark: str) -> None:
+    (store / "store.json").write_text(mark, encoding="utf-8")
+    assert main(["sessions"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "store.json: is not readable" in line
+
+
 def test_an_event_of_a_newer_version_is_refused_in_one_line(store: Path, capsys: Capture) -> None:
     position, stream, version, topic, state = stored(store)[0]
     envelope = resealed(stream, version, topic, json.loads(state) | {"v": 2})

@@ -13,7 +13,7 @@ from typing import BinaryIO
 
 from ingest.errors import ChangingFileError, DamageError, StoreError
 from ingest.facts.bucket import ObjectPath, Place, listed
-from ingest.facts.durable import sync_folder, write_file
+from ingest.facts.durable import opened, sync_folder, write_file
 
 CHUNK = 1 << 20  # bytes read at once
 ADVICE = "ingest the original again, or restore it from a backup"
@@ -83,11 +83,10 @@ class Archive:
         return sha256
 
     def read(self, sha256: str) -> bytes:
-        """The sealed bytes, hashed again. Raises DamageError where they are missing or not what was sealed."""
-        try:
-            data = self.path(sha256).read_bytes()
-        except FileNotFoundError:
-            raise DamageError(self._missing(sha256)) from None
+        """The sealed bytes, hashed again. Raises DamageError where they are missing, cannot be read or are not what
+        was sealed."""
+        with self._opened(sha256) as file:
+            data = file.read()
         if hashlib.sha256(data).hexdigest() != sha256:
             raise DamageError(_damaged(self.path(sha256), len(data)))
         return data
@@ -137,7 +136,7 @@ class Archive:
         """A sealed file to read. Raises DamageError where it is missing or cannot be read."""
         path = self.path(sha256)
         try:
-            with path.open("rb") as file:
+            with opened(path) as file:
                 yield file
         except FileNotFoundError:
             raise DamageError(self._missing(sha256)) from None

@@ -78,15 +78,28 @@ def forgotten(recorded: Iterable[Recorded]) -> Forgotten:
 
 
 def sessions_on(facts: Facts, key: str) -> tuple[str, ...]:
-    """Names of the sessions that stand on a file (SHA-256), a decode, a session or a run (ids)."""
+    """Names of the sessions that stand on a file (SHA-256), a decode, a session or a run (ids), or a motor (name)."""
     decodes = {one.decode for one in facts.decodes.values() if key in one.databases}
     run = facts.runs.get(key)
+    benches = {sha256 for sha256, one in facts.benches.items() if one.motor == key}
     return tuple(
         session.name
         for session in facts.sessions
         if key in (session.session, session.bench, session.model)
+        or session.bench in benches
         or (run and run.session == session.session)
         or any(key in file.values() or file.get("decode") in decodes for file in session.files)
+    )
+
+
+def sessions_without_ground(facts: Facts) -> tuple[str, ...]:
+    """Names of the sessions that stand on a log, decode, bench or motor file of which the facts say nothing."""
+    return tuple(
+        session.name
+        for session in facts.sessions
+        if not (session.bench is None or session.bench in facts.benches)
+        or not (session.model is None or session.model in facts.models)
+        or not all(file["raw"] in facts.files and file["decode"] in facts.decodes for file in session.files)
     )
 
 

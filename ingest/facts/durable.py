@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 from collections.abc import Iterable
+from io import BufferedReader
 from pathlib import Path
 from typing import TYPE_CHECKING
 from uuid import uuid4
@@ -13,9 +15,16 @@ if TYPE_CHECKING:
     from ingest.facts.bucket import Place
 
 
+def opened(path: Place) -> BufferedReader:
+    """A file, to be read. Raises OSError where it cannot be; where it is a pipe or device too, which may never end."""
+    if isinstance(path, Path) and path.exists() and not (path.is_file() or path.is_dir()):
+        raise OSError(errno.EINVAL, "It is a pipe or device and no file", str(path))
+    return path.open("rb")
+
+
 def sha256_of(path: Place) -> str:
-    """SHA-256 (hex) of the bytes of a file."""
-    with path.open("rb") as file:
+    """SHA-256 (hex) of the bytes of a file. Raises OSError as `opened` does."""
+    with opened(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 

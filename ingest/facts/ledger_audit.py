@@ -13,6 +13,10 @@ from ingest.facts.ledger_history import Flaw, LedgerHistory
 from ingest.facts.ledger_lock import reading_uri
 from ingest.facts.ledger_place import DATABASE_ERRORS, SqliteFile
 
+OTHERS = (
+    "SELECT type, name FROM sqlite_schema WHERE (type, name) <> ('table', 'stored_events') AND name NOT LIKE 'sqlite_%'"
+)
+
 
 def audit(ledger: Ledger, since: Head | None = None) -> LedgerHistory:
     """Read the whole of `ledger`; `since` is a head that was noted down before, or its beginning.
@@ -67,10 +71,12 @@ def _is_readable(ledger: Ledger, position: int) -> bool:
 
 
 def _integrity(path: Path) -> list[Flaw]:
-    """What SQLite itself finds: pages, indexes, types. It does not see most changed bytes."""
+    """What SQLite itself finds: pages, indexes, types, and what beside the events may change them unseen, as a trigger
+    does. It does not see most changed bytes."""
     try:
         with closing(sqlite3.connect(reading_uri(path), uri=True)) as connection:
             lines = [line for (line,) in connection.execute("PRAGMA integrity_check")]
+            lines += [f"{kind} {name}: whyhot made none" for kind, name in connection.execute(OTHERS)]
     except DATABASE_ERRORS as error:
         lines = [str(error)]
     return [Flaw(f"{path}: SQLite: {' '.join(line.split())}") for line in lines if line != "ok"]

@@ -265,7 +265,7 @@ def mark_of(folder: Path) -> Mark:
     except (FileNotFoundError, NotADirectoryError):
         advice = "`whyhot ingest FILE...` makes one, --store DIR or WHYHOT_STORE names another"
         raise StoreError(f"{folder}: there is no store here: {advice}") from None
-    except (ValueError, TypeError, KeyError):
+    except (ValueError, TypeError, KeyError, RecursionError):
         raise StoreError(f"{folder / MARK}: is not readable: it should hold {json.dumps({'schema': SCHEMA})}") from None
     if schema not in (SCHEMA, ON_SERVER, IN_BUCKET):
         raise StoreError(f"{folder / MARK}: schema {schema!r} is not known here (this is {SCHEMA}): update whyhot")

@@ -14,8 +14,8 @@ from ingest.errors import StoreError
 from ingest.facts.archive import Archive
 from ingest.facts.bucket import ObjectPath, Place, listed
 from ingest.facts.chain import Head
-from ingest.facts.cited import BACKUP, Cited, cited, forgotten, sessions_on
-from ingest.facts.durable import sha256_of
+from ingest.facts.cited import BACKUP, Cited, cited, forgotten, sessions_on, sessions_without_ground
+from ingest.facts.durable import opened, sha256_of
 from ingest.facts.events import DecodeCompleted
 from ingest.facts.facts import fold
 from ingest.facts.ledger import INDEX
@@ -154,8 +154,8 @@ def _check_files(
     """`whole`: files that need not be looked at, as `_whole_by` gives them."""
     facts, files = fold(seen.recorded), cited(seen.recorded)
     for says, stream in seen.findings:
-        key = stream.partition("-")[2] if stream else ""
-        found.damages.append(Damage(says, sessions_on(facts, key), LEDGER))
+        affects = sessions_on(facts, stream.partition("-")[2]) if stream else sessions_without_ground(facts)
+        found.damages.append(Damage(says, affects, LEDGER))
     _check_sealed(found, archive, files, read, partial(sessions_on, facts), whole)
     _check_products(found, folder, list(facts.decodes.values()), read, partial(sessions_on, facts), whole)
     if not seen.findings:
@@ -236,7 +236,7 @@ def _from_disk(path: Place) -> None:
     """Let what is read next come from the disk and not from memory, where the system can do that."""
     if isinstance(path, ObjectPath):
         return
-    with suppress(OSError, AttributeError), path.open("rb") as file:
+    with suppress(OSError, AttributeError), opened(path) as file:
         os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
 
 

@@ -17,10 +17,11 @@ MOST_ROWS = 400_000  # in memory, of all names; and that are handed out at once
 
 
 class Spill(Generic[Name]):
-    """Rows by name, each in the order in which they came. `folder` must be there; who made it removes it."""
+    """Rows by name, each in the order in which they came. `folder` is made where rows do not fit
+    into memory; who named it removes it."""
 
     def __init__(self, folder: Path, layout: np.dtype[np.void]) -> None:
-        self._folder, self._layout = folder, layout
+        self._folder, self.layout = folder, layout
         self._waiting: defaultdict[Name, list[Table]] = defaultdict(list)
         self._rows = 0
         self._files: dict[Name, Path] = {}
@@ -43,13 +44,14 @@ class Spill(Generic[Name]):
         """The rows of a name in order, about MOST_ROWS at once."""
         if name in self._files:
             with self._files[name].open("rb") as file:
-                while len(rows := np.fromfile(file, self._layout, MOST_ROWS)):
+                while len(rows := np.fromfile(file, self.layout, MOST_ROWS)):
                     yield rows
-        if self._waiting[name]:
+        if self._waiting.get(name):
             yield np.concatenate(self._waiting[name])
 
     def _write(self, name: Name) -> None:
         parts, self._waiting[name] = self._waiting[name], []
+        self._folder.mkdir(parents=True, exist_ok=True)
         path = self._files.setdefault(name, self._folder / f"{len(self._files)}.rows")
         with path.open("ab") as file:
             for part in parts:

@@ -6,9 +6,10 @@ bucket: equal stamps fall into the same one. So a log of any length takes about 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from pathlib import Path
+from shutil import rmtree
 from tempfile import TemporaryDirectory
 from zlib import crc32
 
@@ -27,10 +28,12 @@ FAR_NS = 30 * DAY_NS  # a stamp so far off both its neighbours is no time of thi
 CLOSE_NS = 3600 * SECOND_NS  # between neighbours of a log that runs: a table with a row a check has no strays or jumps
 JITTER_NS = 1_000_000  # by which frames may come out of order
 MOST_STRAYS = 10  # in a row: what is longer is a clock that was set
+MOST_FAR = 1_000_000  # steps so wide in one stream: beyond, no stamp is of one log with another, and none is left out
 ODD = np.uint64(0x9E3779B97F4A7C15)
 RECORD = np.dtype([("t_ns", "<i8"), ("record", "<i8"), ("print", "<u8")])
-PLACE = np.dtype([("at", "<i8")])
 STAMP = np.dtype([("t_ns", "<i8"), ("at", "<i8"), ("print", "<u8"), ("follows", "?")])  # behind one of the same stamp
+PLACE = np.dtype([("at", "<i8")])  # of a record in its stream
+BACK = np.dtype([("at", "<i8"), ("by_ns", "<i8")])  # where a stream steps back, and by how much
 
 
 def look(path: Path) -> StampFaults:
@@ -45,8 +48,8 @@ def look(path: Path) -> StampFaults:
         for stream in streams.names:
             one = _Look(streams, stream)
             strays.append(one.strays(found))
-            with TemporaryDirectory(dir=place) as beside:
-                one.count(found, Path(beside))
+            one.count(found, Path(place) / "stream")
+            rmtree(Path(place) / "stream", ignore_errors=True)  # few need one
     found.strays = np.sort(np.concatenate([found.strays, *strays]))
     return found
 
@@ -110,7 +113,7 @@ class _Look:
 
     def count(self, found: StampFaults, folder: Path) -> None:
         """Count the faults of all other records."""
-        steps = _Steps(JITTER_NS if self._stream else 0)
+        steps = _Steps(JITTER_NS if self._stream else 0, folder / "back")
         total = sum(len(stray) - int(stray.sum()) for _, stray in self._batches())
         doubled = _Doubled(total, folder)
         for rows, stray in self._batches():
@@ -120,58 +123,60 @@ class _Look:
         doubled.count(found, self._stream)
         before = found.span_ns or (steps.least, steps.greatest)
         found.span_ns = min(steps.least, before[0]), max(steps.greatest, before[1])
-        steps.count(found, doubled.blocks)
+        steps.count(found, doubled)
 
     def _batches(self) -> Iterator[tuple[Table, Flags]]:
         """The rows (N,) of the stream, in order, and which of them are strays."""
         at = 0
         for rows in self._streams.batches(self._stream):
-            stray = np.zeros(len(rows), np.bool_)
-            for first, end in self._strays:
-                stray[max(first - at, 0) : max(end - at, 0)] = True
-            at += len(rows)
-            yield rows, stray
+            end = at + len(rows)
+            firsts, ends = self._strays[:, 0], self._strays[:, 1]
+            here = self._strays[np.searchsorted(ends, at, "right") : np.searchsorted(firsts, end)] - at
+            edges = np.zeros(len(rows) + 1, np.int8)
+            edges[np.maximum(here[:, 0], 0)] = 1
+            edges[np.minimum(here[:, 1], len(rows))] -= 1
+            yield rows, np.cumsum(edges[:-1], dtype=np.int8) > 0
+            at = end
 
-    def _stray_places(self) -> list[tuple[int, int]]:
-        """Runs (first, end) of stamps that are far off those before and after them, while these agree."""
-        far: list[tuple[int, float, float]] = []  # where another stretch begins, the stamp before it, and its own
-        last = np.empty(0)
-        count = close = 0
+    def _stray_places(self) -> Ints:
+        """Runs (S, 2) of stamps, first and end, that are far off those before and after them, while these agree."""
+        far: list[Ints] = []  # (3, M) where another stretch begins, the stamp before it, and its own
+        last = np.empty(0, np.int64)
+        count = close = wide = 0
         for rows in self._streams.batches(self._stream):
-            t_ns = np.concatenate([last, rows["t_ns"].astype(np.float64)])
-            step = np.abs(np.diff(t_ns))
-            wide = np.flatnonzero(step > FAR_NS)
-            places = (wide + 1 + count - len(last)).tolist()
-            far += zip(places, t_ns[wide].tolist(), t_ns[wide + 1].tolist(), strict=True)
-            close += int((step <= CLOSE_NS).sum())
+            t_ns = np.concatenate([last, rows["t_ns"]])
+            step = np.abs(np.diff(t_ns.astype(np.float64)))
+            at = np.flatnonzero(step > FAR_NS)
+            far += [np.stack([at + 1 + count - len(last), t_ns[at], t_ns[at + 1]])] if len(at) else []
+            close, wide = close + int((step <= CLOSE_NS).sum()), wide + len(at)
             last, count = t_ns[-1:], count + len(rows)
-        return _lone(far, count) if count >= 3 and 2 * close > count - 1 else []
+            if wide > MOST_FAR:
+                break
+        lone = far and count >= 3 and 2 * close > count - 1 and wide <= MOST_FAR
+        return _lone(np.concatenate(far, axis=1), count) if lone else np.empty((0, 2), np.int64)
 
 
-def _lone(far: Sequence[tuple[int, float, float]], count: int) -> list[tuple[int, int]]:
-    """The stretches (first, end) of a stream of `count` records that are no time of its log."""
-    edges = [0, *(place for place, _, _ in far), count]
-    longest = max(b - a for a, b in pairwise(edges))
-    found = []
-    for k, (a, b) in enumerate(pairwise(edges)):
-        if b - a > MOST_STRAYS or b - a == longest:
-            continue
-        before, after = far[k - 1][1] if a else None, far[k][2] if b < count else None
-        inner = before is not None and after is not None and abs(after - before) <= FAR_NS
-        ends = (before is None or after is None) and (a, b) != (0, count)
-        if inner or (ends and b - a == 1):
-            found.append((a, b))
-    return found
+def _lone(far: Ints, count: int) -> Ints:
+    """The stretches (S, 2) of a stream of `count` records that are no time of its log; `far`: where each but the first
+    begins, the stamp before it, and its own (3, M)."""
+    edges = np.concatenate([[0], far[0], [count]])
+    long = np.diff(edges)
+    inner = np.zeros(len(long), np.bool_)
+    inner[1:-1] = np.abs(far[2, 1:].astype(np.float64) - far[1, :-1]) <= FAR_NS
+    ends = np.zeros(len(long), np.bool_)
+    ends[[0, -1]] = long[[0, -1]] == 1
+    lone = (long <= MOST_STRAYS) & (long < long.max()) & (inner | ends)
+    return np.stack([edges[:-1][lone], edges[1:][lone]], axis=1)
 
 
 class _Steps:
     """The steps of a stream from record to record; one back by `jitter_ns` is none."""
 
-    def __init__(self, jitter_ns: int) -> None:
+    def __init__(self, jitter_ns: int, folder: Path) -> None:
         self._jitter_ns = jitter_ns
         self._last = np.empty(0, np.int64)
         self._seen = self._count = self._close = self._jumps = self._jump_ns = 0
-        self._back: list[tuple[Ints, Ints]] = []  # places of the records behind a step back, and by how much
+        self._back = _ByPlace(folder, BACK)
         self.least, self.greatest = np.iinfo(np.int64).max, np.iinfo(np.int64).min
 
     def add(self, t_ns: Ints) -> Flags:
@@ -179,7 +184,7 @@ class _Steps:
         step = np.diff(np.concatenate([self._last, t_ns]))
         first = self._seen + len(t_ns) - len(step)
         back = np.flatnonzero(step < -self._jitter_ns)
-        self._back.append((back + first, -step[back]))
+        self._back.add(_table(BACK, back + first, -step[back]))
         jump = step[step > JUMP_NS]
         self._jumps, self._jump_ns = self._jumps + len(jump), max(self._jump_ns, int(jump.max(initial=0)))
         self._close += int((np.abs(step) <= CLOSE_NS).sum())
@@ -187,26 +192,51 @@ class _Steps:
         self._last, self._seen, self._count = t_ns[-1:], self._seen + len(t_ns), self._count + len(step)
         return np.concatenate([np.zeros(len(t_ns) - len(step), np.bool_), step == 0])
 
-    def count(self, found: StampFaults, blocks: Ints) -> None:
-        """Add steps back and jumps; where a block begins that is written twice (its place), no clock steps back."""
-        places, sizes = (np.concatenate(column) for column in zip(*self._back, strict=True))
-        back = sizes[~np.isin(places, blocks)]
-        found.back_steps = max(found.back_steps, len(back))
-        found.back_ns = max(found.back_ns, int(back.max(initial=0)))
+    def count(self, found: StampFaults, doubled: _Doubled) -> None:
+        """Add steps back and jumps; where a block begins that is written twice, no clock steps back."""
+        steps = most = 0
+        for number in self._back.numbers:
+            rows = self._back.within(number)
+            by_ns = rows["by_ns"][~doubled.begins(number)[rows["at"]]]
+            steps, most = steps + len(by_ns), max(most, int(by_ns.max(initial=0)))
+        found.back_steps = max(found.back_steps, steps)
+        found.back_ns = max(found.back_ns, most)
         if 2 * self._close > self._count:
             found.jump_steps = max(found.jump_steps, self._jumps)
             found.jump_ns = max(found.jump_ns, self._jump_ns)
 
 
+class _ByPlace:
+    """Rows that have a place in a stream (`at`), by stretches of so many places as memory holds, numbered from 0."""
+
+    def __init__(self, folder: Path, layout: np.dtype[np.void]) -> None:
+        self._spill: Spill[int] = Spill(folder, layout)
+
+    @property
+    def numbers(self) -> list[int]:
+        """Of the stretches that hold rows."""
+        return self._spill.names
+
+    def add(self, rows: Table) -> None:
+        """Rows (N,) in any order."""
+        for number, some in _split(rows, rows["at"] // spill.MOST_ROWS):
+            self._spill.add(number, some)
+
+    def within(self, number: int) -> Table:
+        """The rows of one stretch, `at` counted from where it begins. A stretch holds one row a place at most."""
+        rows = np.concatenate([np.empty(0, self._spill.layout), *self._spill.batches(number)])
+        rows["at"] -= number * spill.MOST_ROWS
+        return rows
+
+
 class _Doubled:
-    """The `total` records of a stream, in buckets by stamp. `blocks`: where those begin that stand there twice."""
+    """The `total` records of a stream, in buckets by stamp."""
 
     def __init__(self, total: int, folder: Path) -> None:
         self._seen = 0
         self._buckets = 1 + total // spill.MOST_ROWS
         self._spill: Spill[int] = Spill(folder, STAMP)
-        self._folder = folder
-        self.blocks = np.empty(0, np.int64)
+        self._again = _ByPlace(folder / "again", PLACE)  # repeats, but those right behind what they repeat
 
     def add(self, rows: Table, follows: Flags) -> None:
         """The next rows (N,), and which of them have the stamp of the one before."""
@@ -214,57 +244,56 @@ class _Doubled:
         table = _table(STAMP, rows["t_ns"], at, rows["print"], follows)
         self._seen += len(rows)
         bucket = (rows["t_ns"].astype(np.uint64) * ODD >> np.uint64(32)) % np.uint64(self._buckets)
-        order = np.argsort(bucket, kind="stable")
-        numbers, starts = np.unique(bucket[order], return_index=True)
-        for number, some in zip(numbers.tolist(), np.split(order, starts[1:]), strict=True):
-            self._spill.add(number, table[some])
+        for number, some in _split(table, bucket):
+            self._spill.add(number, some)
 
     def count(self, found: StampFaults, stream: Stream) -> None:
         """Add what has the stamp of another record, and what of it is written again as a block."""
-        self._folder.joinpath("again").mkdir()
-        again: Spill[int] = Spill(self._folder / "again", PLACE)  # part by part of the stream
         equal = other = 0
         for number in self._spill.names:
-            rows = np.concatenate(list(self._spill.batches(number)))
-            repeats, origin = _repeats(rows["t_ns"])
-            same = rows["print"][repeats] == rows["print"][origin]
-            apart = np.sort(rows["at"][repeats[same & ~rows["follows"][repeats]]])  # not right behind what they repeat
-            part = apart // spill.MOST_ROWS
-            for one in np.unique(part).tolist():
-                again.add(one, _table(PLACE, apart[part == one]))
-            equal, other = equal + int(same.sum()), other + int((~same).sum())
-        blocks = _blocks(np.sort(np.concatenate([*again.batches(one)])["at"]) for one in sorted(again.names))
-        written = int((blocks[:, 1] - blocks[:, 0]).sum())
-        self.blocks = blocks[:, 0]
-        found.blocks = max(found.blocks, len(blocks))
+            for repeats, same in _repeats(self._spill.batches(number)):
+                self._again.add(_table(PLACE, repeats["at"][same & ~repeats["follows"]]))
+                equal, other = equal + int(same.sum()), other + int((~same).sum())
+        blocks = written = 0
+        for number in self._again.numbers:
+            inside, begins = self._blocks(number)
+            blocks, written = blocks + int(begins.sum()), written + int(inside.sum())
+        found.blocks = max(found.blocks, blocks)
         found.block_records += written
         found.equal += equal - written
         found.other += other
         if equal + other:
             found.doubled.add(stream)
 
+    def begins(self, number: int) -> Flags:
+        """Of the records of a stretch (MOST_ROWS,): where a block begins that stands there twice."""
+        return self._blocks(number)[1]
 
-def _blocks(parts: Iterable[Ints]) -> Ints:
-    """Runs (first, end) of two and more places, (M, 2); `parts` are places, ascending from part to part."""
-    found = [np.empty((0, 2), np.int64)]
-    open_first = open_end = -1
-    for places in parts:
-        cut = np.flatnonzero(np.diff(places) != 1) + 1
-        runs = np.stack([places[np.append(0, cut)], places[np.append(cut, len(places)) - 1] + 1], axis=1)
-        if runs[0, 0] == open_end:
-            runs[0, 0] = open_first
-        else:
-            found.append(np.array([[open_first, open_end]]))
-        open_first, open_end = runs[-1].tolist()
-        found.append(runs[:-1][np.diff(runs[:-1])[:, 0] > 1])
-    found.append(np.array([[open_first, open_end]]))
-    every = np.concatenate(found)
-    return every[every[:, 1] - every[:, 0] > 1]
+    def _blocks(self, number: int) -> tuple[Flags, Flags]:
+        """Of the records of a stretch, (MOST_ROWS,) each: those within a block of two and more; where one begins."""
+        again = np.zeros(spill.MOST_ROWS + 2, np.bool_)  # with the record before the stretch and the one behind it
+        again[self._again.within(number)["at"] + 1] = True
+        again[0] = (self._again.within(number - 1)["at"] == spill.MOST_ROWS - 1).any()
+        again[-1] = (self._again.within(number + 1)["at"] == 0).any()
+        here, before, behind = again[1:-1], again[:-2], again[2:]
+        return here & (before | behind), here & ~before & behind
 
 
-def _repeats(t_ns: Ints) -> tuple[Ints, Ints]:
-    """Places of the stamps (N,) that stood there before, and of the first of each: (M,) both."""
-    order = np.argsort(t_ns, kind="stable")
-    first = np.diff(t_ns[order], prepend=t_ns[order[0]] - 1) != 0
-    origin = order[np.maximum.accumulate(np.where(first, np.arange(len(order)), 0))]
-    return order[~first], origin[~first]
+def _split(rows: Table, key: NDArray[np.integer]) -> Iterator[tuple[int, Table]]:
+    """Rows (N,) by what each is put under (N,), in their order."""
+    order = np.argsort(key, kind="stable")
+    numbers, starts = np.unique(key[order], return_index=True)
+    for number, (a, b) in zip(numbers.tolist(), pairwise([*starts.tolist(), len(rows)]), strict=True):
+        yield number, rows[order[a:b]]
+
+
+def _repeats(batches: Iterable[Table]) -> Iterator[tuple[Table, Flags]]:
+    """A batch (N,) at a time: the rows (M,) whose stamp stood there before, and which equal the first of that stamp."""
+    firsts = np.empty(0, STAMP)
+    for batch in batches:
+        rows = np.concatenate([firsts, batch])
+        order = np.argsort(rows["t_ns"], kind="stable")
+        new = np.diff(rows["t_ns"][order], prepend=rows["t_ns"][order[0]] - 1) != 0
+        origin = order[np.maximum.accumulate(np.where(new, np.arange(len(order)), 0))]
+        firsts = rows[order[new]]
+        yield rows[order[~new]], rows["print"][order[~new]] == rows["print"][origin[~new]]

@@ -86,7 +86,7 @@ def _recorded(folder: Path) -> Mapping[str, PageMade]:
     try:
         said = json.loads((folder / RECORD).read_text(encoding="utf-8"))
         return {path: PageMade(str(one["key"]), _numbers(one["course_K"])) for path, one in said.items()}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return {}
 
 

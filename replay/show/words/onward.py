@@ -11,7 +11,7 @@ from replay.show.words.width import width
 DEFAULT_STORE = Path("whyhot-store")
 BETWEEN = " · "  # several commands of one line; what is to be done by hand stands before the command
 NEXT = re.compile(r"^(next: |(?:Next|Then) {2,})(.*(?:\n {2,}\S.*)*)$", re.MULTILINE)
-VERB = re.compile(r"\bwhyhot ([a-z]+)(?! --store)(?= |$)")
+VERB = re.compile(r"\bwhyhot ([a-z]+)(?![^`·]* --store )(?= |$)")  # one that names no store itself
 
 
 def onward(text: str, store: Path = DEFAULT_STORE) -> str:

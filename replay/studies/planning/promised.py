@@ -56,7 +56,7 @@ def read_plan(path: Path) -> PlanFile:
         said = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise PlanFileError(f"{path}: {error.strerror or error}: {AGAIN}.") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise PlanFileError(f"{path}: no JSON, so no plan: {AGAIN}.") from error
     schema = said.get("schema") if isinstance(said, dict) else None
     if not str(schema).startswith("whyhot.plan/"):

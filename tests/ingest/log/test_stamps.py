@@ -59,18 +59,25 @@ def test_what_is_found_does_not_depend_on_what_memory_holds(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_memory_hardly_grows_with_the_records(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+TWICE, SAME, BACKWARDS = "written twice", "one stamp", "backwards"
+
+
+@pytest.mark.parametrize("kind", [TWICE, SAME, BACKWARDS])
+def test_memory_hardly_grows_with_the_records(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str) -> None:
     def read(_: Path) -> Iterator[tuple[str, Frames]]:
         for first in range(0, count, 20_000):
-            t_ns = np.arange(first, first + 20_000) % (count // 2) * 1_000_000  # written twice
-            yield "raw/can1", frames(t_ns, np.full(20_000, 7, np.uint32), np.zeros(20_000, np.uint8))
+            number = np.arange(first, first + 20_000)
+            step = {TWICE: number % (count // 2), SAME: number * 0, BACKWARDS: 2 * (count - number)}[kind]
+            yield "raw/can1", frames(step * 1_000_000, np.full(20_000, 7, np.uint32), np.zeros(20_000, np.uint8))
 
     monkeypatch.setattr(recording, "read", read)
-    monkeypatch.setattr(spill, "MOST_ROWS", 40_000)
+    monkeypatch.setattr(spill, "MOST_ROWS", 20_000)
     peaks = []
-    for count in (200_000, 800_000):
+    for count in (100_000, 400_000):
         tracemalloc.start()
-        assert look(tmp_path / "recording.mcap").block_records == count // 2
+        found = look(tmp_path / "recording.mcap")
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
-    assert (peaks[1] - peaks[0]) / 600_000 < 3, f"bytes a record, at peaks of {peaks}"
+        counts = (found.block_records, found.equal, found.back_steps)
+        assert counts == {TWICE: (count // 2, 0, 0), SAME: (0, count - 1, 0), BACKWARDS: (0, 0, count - 1)}[kind]
+    assert (peaks[1] - peaks[0]) / 300_000 < 1, f"bytes a record, at peaks of {peaks}"

@@ -72,6 +72,8 @@ def test_the_default_store_is_not_said() -> None:
 
 
 def test_a_store_is_said_once() -> None:
+    elsewhere = "Next              `whyhot restore BACKUP --store NEW`, or whyhot sessions"
+    assert onward(elsewhere, Path("other")) == f"{elsewhere} --store other"
     once = onward("next: whyhot show a · whyhot --help", Path("other"))
     assert once == "next: whyhot show --store other a · whyhot --help"
     assert onward(once, Path("third")) == once

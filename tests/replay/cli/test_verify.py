@@ -112,6 +112,53 @@ def test_a_damaged_product_affects_its_session_and_a_rebuild_mends_it(bench: Pat
     assert main(["verify", "--read"]) == 0
 
 
+@pytest.mark.parametrize(
+    ("statement", "affected"),
+    [
+        ("UPDATE stored_events SET state=x'00' WHERE topic LIKE '%ModelPublished'", {"1_s1", "2_drive"}),
+        ("UPDATE stored_events SET state=x'00' WHERE topic LIKE '%MotorRegistered'", {"1_s1", "2_drive"}),
+        ("DELETE FROM stored_events WHERE topic LIKE '%BenchRegistered'", {"1_s1", "2_drive"}),
+        ("DELETE FROM stored_events WHERE originator_id LIKE 'file-%' AND rowid > 6", {"2_drive"}),
+    ],
+)
+def test_damage_to_a_motor_and_missing_events_affect_the_sessions_on_them(
+    bench: Path, capsys: Capture, statement: str, affected: set[str]
+) -> None:
+    _change(statement)
+    code, answer, _ = _verify(capsys)
+    assert code == 1
+    assert {name for one in answer["damages"] for name in one["affects"]} == affected  # type: ignore[attr-defined]
+    assert set(answer["sessions_whole"]) == {"1_s1", "2_drive"} - affected  # type: ignore[call-overload]
+
+
+@pytest.mark.parametrize(
+    "thing",
+    [
+        "TRIGGER other AFTER INSERT ON stored_events BEGIN DELETE FROM stored_events WHERE rowid = 1; END",
+        "VIEW other AS SELECT * FROM stored_events",
+        "TABLE other (a)",
+    ],
+    ids=lambda thing: thing.split()[0],
+)
+def test_what_whyhot_never_made_in_the_database_of_the_ledger_is_found(
+    bench: Path, capsys: Capture, thing: str
+) -> None:
+    _change(f"CREATE {thing}")
+    code, _, (first, *_) = _verify(capsys)
+    assert code == 1
+    assert f"{thing.split()[0].lower()} other: whyhot made none" in first
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes")
+def test_a_pipe_in_place_of_a_sealed_file_is_damage_and_nobody_waits_for_it(bench: Path, capsys: Capture) -> None:
+    log = _sealed("1_s1.blf")
+    log.unlink()
+    os.mkfifo(log)
+    code, _, lines = _verify(capsys, "--read")
+    assert code == 1
+    assert any(log.name in line and "pipe or device" in line for line in lines)
+
+
 @pytest.mark.parametrize("harm", ["cut", "empty", "gone"])
 def test_sealed_files_are_checked_without_a_ledger_too(bench: Path, capsys: Capture, harm: str) -> None:
     log, path = _sealed("1_s1.blf"), Path("store/ledger.sqlite")
