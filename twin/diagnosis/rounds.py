@@ -130,6 +130,13 @@ class Round:
             return Against.NO_NEARER
         return None if self.gained(refit).sum() > EVIDENT else Against.TOO_LITTLE
 
+    def asked_again(self, refit: Refit, with_it: Fit) -> Round:
+        """The round after sessions left out were asked for the errors of one refit once more, of the fit `with_it`
+        under noise and priors that were learnt anew: only what they are nearer with then too stays let in."""
+        assert refit.left_out is not None, "sessions left out judged it"
+        said = replace(refit.left_out, errors_K=left_out(with_it, _misread(refit)).errors_K)
+        return replace(self, refits=tuple(replace(r, left_out=said) if r is refit else r for r in self.refits))
+
     def forget(self) -> None:
         """Let the columns of all fits but the best go: nothing follows from those."""
         best = self.best
@@ -229,12 +236,16 @@ def judged(found: Round, tell: Tell = lambda _: None) -> Round:
         tell(f"leaving out sessions, {number} of {len(found.refits)}: {refit.candidate.cause}")
         if refit.log_bayes_factor <= EVIDENT:
             return refit
-        reading = len(refit.fit.beta) - 1 if isinstance(refit.parameter.action, Misreading) else None
-        return replace(refit, left_out=left_out(refit.fit, reading))
+        return replace(refit, left_out=left_out(refit.fit, _misread(refit)))
 
     return replace(
         found, refits=tuple(map(said, range(1, len(found.refits) + 1), found.refits)), left_out=left_out(found.base)
     )
+
+
+def _misread(refit: Refit) -> int | None:
+    """The place in the vector of what a sensor is said to get wrong, if that is what the refit adds."""
+    return len(refit.fit.beta) - 1 if isinstance(refit.parameter.action, Misreading) else None
 
 
 def _each_once(refits: Sequence[Refit]) -> tuple[Refit, ...]:

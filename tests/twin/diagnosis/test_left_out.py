@@ -128,6 +128,19 @@ def test_too_little_asked_for_or_a_larger_error_keeps_a_term_out(said: Round) ->
     assert not said.holds(replace(best, left_out=None)), "evidence did not let it in"
 
 
+def test_a_term_with_which_sessions_are_not_nearer_any_more_under_its_own_noise_is_not_let_in(
+    found: Fit, said: Round
+) -> None:
+    best = said.best
+    assert best is not None
+    again = said.asked_again(best, best.fit)
+    assert again.best is not None and again.best.candidate is best.candidate, "nothing was learnt anew"
+    worn = said.asked_again(best, found)
+    assert worn.best is None or worn.best.candidate is not best.candidate
+    refit = next(r for r in worn.refits if r.candidate is best.candidate)
+    assert worn.against(refit) is rounds.Against.NO_NEARER
+
+
 def test_of_those_that_hold_the_one_with_which_sessions_left_out_are_nearest_is_let_in(said: Round) -> None:
     best = said.best
     assert best is not None and best.left_out is not None
