@@ -67,8 +67,9 @@ VERBS: dict[str, str] = {
     "doctor": "versions, SQLite safety, store and disk: what a problem report needs",
 }
 
-# When Python looks for garbage in cycles: what is imported is looked through each time, a twelfth of a verb's time.
-SELDOM = (20_000, 50, 100)
+# When Python looks for garbage in cycles: all that is imported seldom, for that takes a twelfth of a verb's time, but what
+# is new often, for a few objects in a cycle may hold the records of a whole batch.
+SELDOM = (2_000, 100, 1_000)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
