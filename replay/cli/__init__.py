@@ -67,8 +67,8 @@ VERBS: dict[str, str] = {
     "doctor": "versions, SQLite safety, store and disk: what a problem report needs",
 }
 
-# When Python looks for garbage in cycles: all that is imported seldom, for that takes a twelfth of a verb's time, but what
-# is new often, for a few objects in a cycle may hold the records of a whole batch.
+# When Python looks for garbage in cycles. Seldom among all that is imported: that takes a twelfth of a verb's time.
+# Often among what is new: a few objects in a cycle may hold the records of a whole batch.
 SELDOM = (2_000, 100, 1_000)
 
 
