@@ -19,7 +19,7 @@ CAMPAIGN: Any = SimpleNamespace(tests=["learnt from"])
 
 
 def _refit(cause: str, repeated: bool = False) -> SimpleNamespace:
-    return SimpleNamespace(candidate=SimpleNamespace(cause=cause, repeated=repeated))
+    return SimpleNamespace(candidate=SimpleNamespace(cause=cause, sayable=not repeated))
 
 
 def _offered(
