@@ -21,10 +21,10 @@ from replay.show.plots.plots import (
     WIDTH,
     around_zero,
     draw,
-    draw_driving,
     groups,
     instants,
     nearest,
+    over_driving,
     over_session,
     residual_cells,
     strip,
@@ -137,8 +137,7 @@ def _region(models: Mapping[str, Run], group: Sequence[Observed], columns: int) 
         _draw_temperatures(upper, first, several[0], columns)
         for axes, overlaid in zip(lower, several, strict=False):
             _draw_residuals(axes, first, overlaid, columns)
-        draw_driving(lower[len(several) :], first, columns)
-        over_session(lower[-1], first)
+        over_driving(lower[len(several) - 1], lower[len(several) :], first, columns)
         svg = inline_svg(figure, title)
     return Plot(title, svg, _note(several), _table(first, several))
 

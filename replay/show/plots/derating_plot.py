@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from replay.engine.results.hot_spots import REGIONS
 from replay.engine.results.run import Run
 from replay.engine.results.summary import DeratingCourse
-from replay.show.plots.plots import WIDTH, draw_driving, instants, over_session, strip, time_axis
+from replay.show.plots.plots import WIDTH, instants, over_driving, strip, time_axis
 from replay.show.words import words
 from replay.show.words.figure import FigureTable, Plot, inline_svg, name_lines, named, panels, style
 from replay.show.words.palette import COLOURS, DASHES, SOFT
@@ -47,8 +47,7 @@ def derating_over_time(run: Run, course: DeratingCourse, columns: int) -> Plot |
         upper.set_ylabel("temperature [°C]")
         lower.set_ylabel("current\nallowed [%]")
         lower.set_ylim(-4, 104)
-        draw_driving(below, run, columns)
-        over_session((lower, *below)[-1], run)
+        over_driving(lower, below, run, columns)
         svg = inline_svg(figure, title)
     begins = f"where {words.name(course.channel)} begins to take current back"
     note = f"Dotted: {begins}, and where none is left. Dashed: the model."

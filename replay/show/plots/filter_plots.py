@@ -16,9 +16,8 @@ from replay.show.plots.plots import (
     TimeAxis,
     around_zero,
     draw,
-    draw_driving,
     instants,
-    over_session,
+    over_driving,
     strip,
     time_axis,
 )
@@ -51,8 +50,7 @@ def estimated_loss(run: Run, columns: int, cause: str | None = None) -> Plot | N
         figure, (upper, lower, *below) = panels(WIDTH, (1.2, 0.8, *strip(run)), top=0.08)
         _draw_heat(upper, filtered, time, run.t_ns[1:], columns)
         _draw_temperatures(lower, run, filtered, time, columns)
-        draw_driving(below, run, columns)
-        over_session((lower, *below)[-1], run)
+        over_driving(lower, below, run, columns)
         svg = inline_svg(figure, title)
     return Plot(title, svg, "", _table(run, filtered, time))
 
@@ -83,8 +81,7 @@ def filter_over_time(run: Run, columns: int) -> Plot | None:
         _draw_channel(upper, channel, courses(run, filtered, channel), time, columns)
         _draw_left(middle, channel, courses(run, filtered, channel), time, columns)
         _draw_heat(lower, filtered, time, run.t_ns[1:], columns)
-        draw_driving(below, run, columns)
-        over_session((lower, *below)[-1], run)
+        over_driving(lower, below, run, columns)
         svg = inline_svg(figure, title)
     note = f"{words.capital(loss(run.summary) or _finding(filtered, None))}."
     return Plot(title, svg, note, _channel_table(run, channel, filtered, time))

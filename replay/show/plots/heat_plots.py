@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from replay.engine.results.run import Run
 from replay.engine.results.summary import HeatBalance, HeatPart, StoredHeat
-from replay.show.plots.plots import WIDTH, draw_driving, over_session, strip, time_axis
+from replay.show.plots.plots import WIDTH, over_driving, strip, time_axis
 from replay.show.plots.sankey import draw_flows
 from replay.show.words import heat_words, words
 from replay.show.words.figure import FigureTable, Plot, inline_svg, name_lines, named, panels, style
@@ -36,8 +36,7 @@ def heat_balance(run: Run, columns: int) -> Plot | None:
         share = FLOWS / figure.get_figheight()
         draw_flows(figure.add_axes((0.29, 1 - share, 0.43, 0.96 * share)), made, gone, "W", _colours(losses))
         _draw_course(axes, run, _colours(losses), columns)
-        draw_driving(below, run, columns)
-        over_session((axes, *below)[-1], run)
+        over_driving(axes, below, run, columns)
         svg = inline_svg(figure, title)
     note = f"Above: means over the session; what came in is what went out. Below: means over {SMOOTH_S:.0f} s."
     return Plot(title, svg, note, _table(losses))

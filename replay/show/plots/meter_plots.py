@@ -14,9 +14,8 @@ from replay.show.plots.plots import (
     TimeAxis,
     around_zero,
     draw,
-    draw_driving,
     instants,
-    over_session,
+    over_driving,
     strip,
     time_axis,
 )
@@ -41,10 +40,9 @@ def meter_over_time(run: Run, metered: Metered, columns: int) -> Plot:
         residual = off_factor * metered.residual
         own: Any = {"color": COLOURS[0], "linewidth": 0.9, "gid": named(f"{metered.channel} residual [{off}]")}
         draw(lower, time, metered.t_ns, residual, columns, metered.used, **own)
-        draw_driving(below, run, columns)
         upper.set_ylabel(f"{NAMES[metered.quantity]} [{unit}]")
         lower.set_ylabel(f"measured −\nmodel [{off}]")
-        over_session((lower, *below)[-1], run)
+        over_driving(lower, below, run, columns)
         svg = inline_svg(figure, title)
     return Plot(title, svg, "", _table(time, metered, unit, factor))
 

@@ -122,8 +122,7 @@ def over_time(run: Run, group: Sequence[Observed], columns: int) -> Plot:
         figure, (upper, lower, *below) = panels(WIDTH, (1.3, 0.75, *strip(run)))
         draw_temperatures(upper, run, group, columns)
         draw_residuals(lower, run, group, columns)
-        draw_driving(below, run, columns)
-        over_session((lower, *below)[-1], run)
+        over_driving(lower, below, run, columns)
         svg = inline_svg(figure, title)
     return Plot(title, svg, "", _table(run, group))
 
@@ -138,6 +137,13 @@ def driving(run: Run) -> list[str]:
 def strip(run: Run) -> list[float]:
     """The height of the panel of inputs under a plot [inches]; none where no input is known."""
     return [STRIP] * bool(driving(run))
+
+
+def over_driving(axes: Axes, below: Sequence[Axes], run: Run, columns: int) -> None:
+    """The time of the session under a plot whose lowest panel is `axes`, with what drove the motor between; `below` as
+    in `draw_driving`."""
+    draw_driving(below, run, columns)
+    over_session((axes, *below)[-1], run)
 
 
 def draw_driving(below: Sequence[Axes], run: Run, columns: int) -> None:
