@@ -11,19 +11,18 @@ Other programs read them as they are (hive partitions); `cycles`, `dc_checks` an
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from hashlib import sha256
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
-from uuid import uuid4
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from analytics.scans import statement
+from ingest.facts.durable import write_file
 
 if TYPE_CHECKING:
     import duckdb
@@ -121,11 +120,4 @@ def _write(connection: duckdb.DuckDBPyConnection, part: Partition, folder: Path)
     made = content.getvalue().to_pybytes()
     file = part.named(folder, made)
     file.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = file.with_name(f"{uuid4().hex}.unfinished")
-    try:
-        unfinished.write_bytes(made)
-        unfinished.replace(file)
-    finally:
-        with contextlib.suppress(OSError):
-            unfinished.unlink()
-    return file
+    return write_file(file.parent, [made]).replace(file)

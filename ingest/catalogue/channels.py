@@ -267,21 +267,22 @@ def _beside(pieces: Mapping[str, Sequence[_Piece]], start_ns: int) -> _Beside:
     needed = {step.rule.needs for some in pieces.values() for piece in some for step in piece.steps} - {""}
     found: dict[str, Callable[[NDArray[np.int64]], Array]] = {}
     for name in needed:
-        quantities = ("temperature",) if name == AMBIENT else (name, f"{name}_d", f"{name}_q")
-        some = [
-            _joined(own, start_ns, {})
-            for own in pieces.values()
-            if own[0].spec.quantity in quantities and own[0].spec.role != "ignored"
-        ]
-        if name == AMBIENT:
-            some = [one for one in some if one.spec.node == AMBIENT]
-        elif (whole := current(some) if name == CURRENT else find(some, name)) is not None:
-            some = [replace(whole, value=np.abs(whole.value))]
-        else:
-            some = []
-        if some:
-            found[name] = partial(_between, some)
+        own = [_joined(some, start_ns, {}) for some in pieces.values() if _may_be(some[0].spec, name)]
+        if name != AMBIENT:
+            whole = current(own) if name == CURRENT else find(own, name)
+            own = [replace(whole, value=np.abs(whole.value))] if whole else []
+        if own:
+            found[name] = partial(_between, own)
     return found
+
+
+def _may_be(spec: ResolvedChannel, name: str) -> bool:
+    """Whether a channel is, or is a part of, what is known beside readings under this name."""
+    if spec.role == "ignored":
+        return False
+    if name == AMBIENT:
+        return (spec.node, spec.quantity) == (AMBIENT, "temperature")
+    return spec.quantity in (name, f"{name}_d", f"{name}_q")
 
 
 def _between(some: Sequence[ChannelData], t_ns: NDArray[np.int64]) -> Array:
