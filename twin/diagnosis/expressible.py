@@ -3,7 +3,9 @@
 A number is set to 0 where no file can say it (a path that takes heat uphill), or where it is too small to be worth a
 line. An error of the bench must be known, too: a thermal model has no reference for a gain of 1 %, so what it says of
 one is mostly its own error, and a reading that is moved by that is worse than the one recorded. Where the form of the
-file is wrong, none of a reading is known, unless it is named: a lump that is no point looks like a gain.
+file is wrong, none of a reading is known, unless it is named: a lump that is no point looks like a gain. And what a
+session of its own is off by, its coolant for one, is what the form lacks there, and no other session has it: left free
+while the rest is fitted again, it would keep the rest from what all sessions have in common.
 
 A hundred small differences just left out would add up to kelvins, so the others take their part by the fit's own
 curvature H (Laplace's approximation): with d the entries set to 0 and f the others,
@@ -40,17 +42,20 @@ WORTH_A_CORRECTION = 0.3  # of its prior sd: a smaller common error is not writt
 def expressible(found: Fit, named: Collection[int], driving: Collection[str]) -> Fit:
     """The fit again, its vector in the same places, with what files cannot say at 0: a path or a share of a sensor
     below 0, the clock of a bus that drives the model, healthy differences below `WORTH_A_LINE`, and errors of the bench
-    that are less than `SURE`.
+    that are less than `SURE`; where the form of the file is wrong, also what readings, and the bench in one test, are
+    off by.
 
     `named`: places in the vector that stay as they are; what is healthy of the same action is never too small;
-    `driving`: channels on a bus that stamps inputs too. What belongs to one test is no part of a file and stays free.
+    `driving`: channels on a bus that stamps inputs too. What else belongs to one test is no part of a file and stays
+    free.
     """
     parameters, mode = found.model.parameters, found.beta
     causes = {parameters[p].action for p in named if parameters[p].test is None}
-    open_ = np.array([p not in named and one.test is None for p, one in enumerate(parameters)])
-    moves_readings = np.array([isinstance(one.action, Misreading) for one in parameters])
+    unnamed = np.array([p not in named for p in range(len(parameters))])
+    open_ = unnamed & np.array([one.test is None for one in parameters])
     unsayable = open_ & np.array([_is_common_drive(one, driving) for one in parameters])
-    unsayable |= open_ & moves_readings & is_wrong_in_form(found.model)
+    if is_wrong_in_form(found.model):
+        unsayable |= unnamed & np.array([_is_of_bench(one) for one in parameters])
     positive = open_ & np.array([_is_share(one) for one in parameters])
     optional = open_ & np.array([_is_optional(one) and one.action not in causes for one in parameters])
     of_bench = np.array([isinstance(one.action, actions.OnBench) for one in parameters])
@@ -91,6 +96,11 @@ def _given(found: Fit, left_out: Bools, held: Bools) -> Floats:
 
 def _is_common_drive(one: Parameter, driving: Collection[str]) -> bool:
     return isinstance(one.action, actions.Late) and not set(one.action.channels).isdisjoint(driving)
+
+
+def _is_of_bench(one: Parameter) -> bool:
+    """Whether it is an error of a reading, or of anything on the bench in one test."""
+    return isinstance(one.action, Misreading) or (one.test is not None and isinstance(one.action, actions.OnBench))
 
 
 def _is_share(one: Parameter) -> bool:
@@ -143,8 +153,9 @@ def readings(found: Fit, said: Fit, named: Collection[int]) -> SensorChanges:
 def _common(found: Fit, said: Fit, ours: Sequence[int]) -> dict[actions.OnBench, float]:
     """Errors that the tests agree on well enough to be one error of the bench, and that the whole fit knows: an offset
     that only takes over what a gain did is not known. The mean over the tests. `ours`: places in the vector."""
-    kinds: tuple[type[actions.OnBench], ...] = (actions.BoundaryBias, actions.InputGain)
-    kinds += () if is_wrong_in_form(found.model) else (Bias,)
+    if is_wrong_in_form(found.model):
+        return {}
+    kinds = (actions.BoundaryBias, actions.InputGain, Bias)
     by_action: dict[actions.OnBench, list[int]] = {}
     for p in ours:
         one = found.model.parameters[p]

@@ -130,13 +130,18 @@ def test_where_the_form_is_wrong_only_a_named_error_of_a_reading_is_written(test
     gain = Parameter("sensor.W_1.gain", sensor_laws.Gain("W_1"), 0.01)
     named = Parameter("sensor.Y_1.gain", sensor_laws.Gain("Y_1"), 0.05)
     lag = Parameter("sensor.W_1.lag", sensor_laws.Lag("W_1"), 0.8)
-    shared = [(Parameter("b", sensor_laws.Bias("R_1"), 0.3, number), 0.5 + 0.01 * number) for number in range(3)]
-    known = fit_at(tests, [(gain, 0.02), (named, 0.1), (lag, 2.0), *shared], 100.0)
+    bias, coolant = sensor_laws.Bias("R_1"), actions.BoundaryBias(0)
+    shared = [(Parameter("b", bias, 0.3, number), 0.5 + 0.01 * number) for number in range(3)]
+    around = [(Parameter("c", coolant, 0.5, number), 0.4 + 0.01 * number) for number in range(3)]
+    starts = [(Parameter("s", actions.Start(0), 3.0, number), 0.4) for number in range(3)]
+    known = fit_at(tests, [(gain, 0.02), (named, 0.1), (lag, 2.0), *shared, *around, *starts], 100.0)
     far = replace(known, model=known.model.with_noise({"W_1": ChannelNoise(1.0, 60.0, 5.0, 600.0)}))
-    for found, written in ((known, {gain.action, lag.action, sensor_laws.Bias("R_1")}), (far, {lag.action})):
+    for found, written in ((known, {gain.action, lag.action, bias, coolant}), (far, {lag.action})):
         said = expressible(found, [1], ())
         assert set(readings(found, said, [1]).errors) == written
         assert said.beta[1] == 0.1, "what is named stays"
+        assert said.beta[-3:].all(), "every test starts where it starts"
+        assert bool(said.beta[3:-3].any()) == (found is known), "what a test is off by on its own, no other has"
 
 
 def test_an_error_that_all_tests_share_may_still_be_the_models(tests: list[Test]) -> None:
