@@ -3,12 +3,14 @@ beside two regressions; and its rotor from the stator's sensors alone.
 
     python benchmarks/real_motors.py [--data DIR] [--left-out N] [--learn N] [--no-diagnosis] [--quick] [--json FILE]
 
-The recordings of `examples/hust_motor`, or the `id_*.csv` of DIR, which the same bench and motor file describe. The
-first N of them are left out in turn; each time all others (the first `--learn` of them) are learnt from, by `whyhot
-diagnose` and by the regressions, and the one is judged, nothing fitted on it but the measured start, against its
-readings as recorded. Errors are mean absolute, by node [K]; `inside` and `outside`: mean over the nodes where speed and
-current were learnt from, and where not. `law first`: how often the term named first is a cooling of the rotor that
-grows with speed, which is what the authors' code is known to lack; `law named`: how often it is among those named.
+The recordings of `examples/hust_motor`, or the `id_*.csv` of DIR, which the same bench and motor file describe; or the
+`profile_*.csv` of DIR, recordings of LEA Paderborn's motor, each cut into sessions of half an hour, by the template of
+its four nodes as it comes. The first N of them are left out in turn; each time all others (the first `--learn` of them)
+are learnt from, by `whyhot diagnose` and by the regressions, and the one is judged, nothing fitted on it but the
+measured start, against its readings as recorded. Errors are mean absolute, by node [K]; `inside` and `outside`: mean
+over the nodes where speed and current were learnt from, and where not. Of the first motor `law first`: how often the
+term named first is a cooling of the rotor that grows with speed, which is what the authors' code is known to lack; `law
+named`: how often it is among those named.
 
 `recurrent` is an echo state network, `boosted` gradient-boosted trees, left out without scikit-learn. `rotor sensed`:
 error of the rotor by filter and smoother that read winding and stator, and how often the reading lies in the smoother's
@@ -36,6 +38,7 @@ from benchmarks import asked
 from benchmarks.real import boosted, echo_state
 from benchmarks.real.errors import Errors, errors, outside
 from benchmarks.real.left_out import Chosen, Regression, residuals
+from benchmarks.real.motors import HUST, motor_of, session_of
 from benchmarks.real.recordings import Recording, recordings
 from benchmarks.real.virtual import Sensed, sensed
 from ingest.facts import facts
@@ -52,10 +55,7 @@ from replay.studies.diagnosis.extension import Version
 from replay.studies.diagnosis.kept_sessions import node_of
 from replay.studies.diagnosis.question import Question
 
-MOTOR = HERE.parent / "examples" / "hust_motor"
-LAW = "conductance.stator-rotor.speed"
 SENSED = "rotor"  # what no sensor of a product reads
-QUICK = ("id_1", "id_9", "id_10")  # the shortest
 
 Floats = NDArray[np.float64]
 Learn = Callable[[Sequence[Recording]], Regression]
@@ -75,35 +75,26 @@ class LeftOut:
 
 def main() -> None:
     line = asked.parser(__doc__, learn=(99, 2))
-    line.add_argument("--data", metavar="DIR", type=Path, default=MOTOR)
+    line.add_argument("--data", metavar="DIR", type=Path, default=HUST)
     line.add_argument("--left-out", metavar="N", type=int)
     line.add_argument("--no-diagnosis", action="store_true", help="the published network and the regressions alone")
     args = line.parse_args()
-    logs = [log for log in logs_of(args.data) if not args.quick or _name(log) in QUICK]
     found = []
     with (
         tempfile.TemporaryDirectory() as name,
         Store.open(Path(name) / "store", create=True, write=True) as store,
     ):
-        take_in(store, logs, prepare(logs, MOTOR / "bench.toml", [], for_intake), Override())
-        bench = Bench(store, [_name(log) for log in logs], not args.no_diagnosis)
+        motor = motor_of(args.data, Path(name), args.quick)
+        take_in(store, motor.logs, prepare(motor.logs, motor.bench, [], for_intake), Override())
+        bench = Bench(store, [session_of(log) for log in motor.logs], not args.no_diagnosis)
         for one in bench.recordings[: args.left_out or (1 if args.quick else None)]:
             others = [other for other in bench.recordings if other is not one][: args.learn]
             found.append(bench.without(others, one))
             print(said(found[-1]), flush=True)
-    print("\n".join([*table(found), *sensed_table(found), *law(found)]))
+    print("\n".join([*table(found), *sensed_table(found), *(law(found, motor.law) if motor.law else ())]))
     if not find_spec("sklearn"):
         print("boosted is left out: it needs scikit-learn, `pip install -r requirements-bench.lock`")
     asked.keep([asdict(one) for one in found], args.json)
-
-
-def logs_of(folder: Path) -> list[Path]:
-    """The logs of a folder, by their numbers."""
-    return sorted(folder.glob("id_*.csv*"), key=lambda log: int(_name(log).removeprefix("id_")))
-
-
-def _name(log: Path) -> str:
-    return log.name.split(".")[0]
 
 
 class Bench:
@@ -154,7 +145,7 @@ def replayed(question: Question, version: Version, one: Recording) -> dict[str, 
 def said(one: LeftOut) -> str:
     """A recording in one line."""
     means = ", ".join(f"{way} {_mean(found.mae):.2f}" for way, found in one.errors.items())
-    return f"{one.session:6} {means} K; outside {100 * one.outside_share:.0f} %   {', '.join(one.named)}"
+    return f"{one.session:12} {means} K; outside {100 * one.outside_share:.0f} %   {', '.join(one.named)}"
 
 
 def table(found: Sequence[LeftOut]) -> list[str]:
@@ -184,10 +175,10 @@ def sensed_table(found: Sequence[LeftOut]) -> list[str]:
     return lines
 
 
-def law(found: Sequence[LeftOut]) -> list[str]:
-    """How often the law is named."""
-    first = sum(one.named[:1] != [] and one.named[0].startswith(LAW) for one in found)
-    named = sum(any(term.startswith(LAW) for term in one.named) for one in found)
+def law(found: Sequence[LeftOut], known: str) -> list[str]:
+    """How often the law is named that is known to be missing."""
+    first = sum(one.named[:1] != [] and one.named[0].startswith(known) for one in found)
+    named = sum(any(term.startswith(known) for term in one.named) for one in found)
     return [f"law first {first} of {len(found)}, law named {named} of {len(found)}"]
 
 

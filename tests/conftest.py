@@ -11,7 +11,7 @@ from hypothesis import settings
 settings.register_profile("house", deadline=None, derandomize=True)
 settings.load_profile("house")
 
-# Two workers share the processors: threads of one that wait for each other over small matrices take what the other needs.
+# Two workers share the processors: threads that wait for each other over small matrices take what the other one needs.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 os.environ.pop("COLUMNS", None)  # printed text is as wide as it says: here 100, whoever runs the tests
 

@@ -7,7 +7,6 @@ from replay.show.reports.verdict import Ending, against, ending, figures
 from replay.show.words import words
 from replay.studies.diagnosis.answer import Diagnosis, Named
 
-NUMBERS = ("No cause", "One cause", "Two causes", "Three causes", "Four causes", "Five causes")
 LONGEST = 45  # words of a first sentence: what is as long becomes two
 
 
@@ -45,8 +44,7 @@ def _found(diagnosis: Diagnosis) -> str:
 def _named(diagnosis: Diagnosis) -> str:
     first, *more = diagnosis.causes
     if more:
-        many = len(diagnosis.causes)
-        return NUMBERS[many] if many < len(NUMBERS) else f"{many} causes"
+        return f"{first.says}, and {words.counted(len(more), 'more cause')}"
     others = words.counted(len(first.indistinguishable_from), "other")
     return f"{first.says}, or {others}" if first.indistinguishable_from else first.says
 

@@ -216,7 +216,9 @@ def test_several_causes_are_each_named_with_what_was_masked_dropped_and_doubtful
     assert "Left out 3_wltp: MAG_1 holds its last value for 240 s, 6 times" in text
     assert "left out because the model became unstable with them: loss.magnet.temperature" in text
     assert "few kept data" in text and "not a first look" in text
-    assert answer(SEVERAL).startswith("Two causes: on kept sessions the magnet's error falls from 10.1 K as published")
+    assert answer(SEVERAL).startswith(
+        "Magnet loss grows with speed squared and current squared, and 1 more cause: on kept sessions the magnet's"
+    )
     assert "current squared, +96 W (88 to 104); the sensor at endwinding b outer reads off" in answer(SEVERAL)
     assert "few kept data" not in flat(diagnosis_text(NAMED)) and "not a first look" not in flat(diagnosis_text(NAMED))
 
