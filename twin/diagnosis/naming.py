@@ -101,8 +101,9 @@ class Naming:
     @property
     def best(self) -> float:
         """The highest ln BF of a candidate by its linear score; 0 where leading ones were refitted and none was let
-        in, for what they seemed to explain stands against them."""
-        if self.rounds[0].refits and not self.accepted:
+        in by evidence, for what they seemed to explain stands against them. Where sessions left out let none in, no
+        heat of any course predicts these either."""
+        if self.rounds[0].refits and not self.accepted and not self.judged:
             return 0.0
         return float(self.rounds[0].scores.log_bayes_factor.max(initial=0.0))
 

@@ -191,8 +191,11 @@ def test_patchwork_is_no_name_and_progress_says_which_cause_the_search_is_at(mon
     ]
 
 
-def test_a_heat_that_no_candidate_holds_against_is_unknown(hidden: list[Naming]) -> None:
-    """Behind the best candidate it is none; where candidates were refitted and none let in, it is."""
+def test_a_heat_that_no_candidate_holds_against_is_unknown(
+    hidden: list[Naming], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Behind the best candidate it is none; where candidates were refitted and none let in, it is, unless sessions left
+    out judged them."""
     found = hidden[0]
     behind = replace(found.heats[0], log_bayes_factor=found.best - 1.0)
     assert behind.log_bayes_factor > TOLD_APART, "for this test: a heat that is worth telling"
@@ -200,6 +203,8 @@ def test_a_heat_that_no_candidate_holds_against_is_unknown(hidden: list[Naming])
     assert replace(found, heats=(behind,), accepted=()).is_unknown
     weak = replace(behind, log_bayes_factor=TOLD_APART)
     assert not replace(found, heats=(weak,), accepted=()).is_unknown
+    monkeypatch.setattr(naming, "ENOUGH_SESSIONS", 1)
+    assert not replace(found, heats=(behind,), accepted=(), wrong_in_form=True).is_unknown
 
 
 LATE_S = 60.0
