@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from replay.show.reports import verdict
 from replay.show.words import words
 from replay.studies.diagnosis.answer import Diagnosis, Unusual
+from twin.motor.causes import parse
 
 SHOWN = 2  # findings at most, and as many that a cause took away
 
@@ -30,9 +31,15 @@ def told(diagnosis: Diagnosis) -> Iterator[str]:
 def how_many(diagnosis: Diagnosis) -> str:
     """ "Numbers that had to go far: 12 without the cause, 7 with it"; "" where none had."""
     far = Counter(one.when for one in filter(_is_number, diagnosis.findings))
-    cause = ("the causes", "them") if len(diagnosis.causes) > 1 else ("the cause", "it")
-    each = f"{far['before']} without {cause[0]}, {far['after']} with {cause[1]}" if diagnosis.causes else far["before"]
+    terms = _terms(diagnosis)
+    cause = ("the causes", "them") if terms > 1 else ("the cause", "it")
+    each = f"{far['before']} without {cause[0]}, {far['after']} with {cause[1]}" if terms else far["before"]
     return f"Numbers of the file, its sensors and its sessions that had to go far: {each}" if far else ""
+
+
+def _terms(diagnosis: Diagnosis) -> int:
+    """How many causes the last fit has that the first has not: exchanged channels are put right before both."""
+    return sum(not parse(cause.id).law.startswith("swap_") for cause in diagnosis.fitted_with)
 
 
 def _is_number(one: Unusual) -> bool:
@@ -41,7 +48,7 @@ def _is_number(one: Unusual) -> bool:
 
 def of_last_fit(diagnosis: Diagnosis) -> list[Unusual]:
     """What is unusual in the fit with the causes where there are any."""
-    when = "after" if diagnosis.causes else "before"
+    when = "after" if _terms(diagnosis) else "before"
     return [one for one in diagnosis.findings if one.when == when]
 
 
@@ -51,7 +58,7 @@ def taken_away(diagnosis: Diagnosis) -> str:
     gone = [one for one in diagnosis.findings if one.when == "before" and (one.says, one.session) not in left]
     names = [f"{_whose(diagnosis, one)} ({'at its bound' if one.bound else _how_far(one)})" for one in gone[:SHOWN]]
     more = [f"{len(gone) - SHOWN} more"] if len(gone) > SHOWN else []
-    cause = "causes" if len(diagnosis.causes) > 1 else "cause"
+    cause = "causes" if _terms(diagnosis) > 1 else "cause"
     return f"No longer beyond usual with the {cause}: {words.joined([*names, *more])}" if gone else ""
 
 

@@ -132,14 +132,14 @@ def _gain(diagnosis: Diagnosis) -> Iterator[str]:
     """Errors on kept sessions, node by node, then what qualifies them."""
     if not diagnosis.gain:
         return
-    gains, of = kept_errors.furthest_first(diagnosis.gain), kept_errors.stages(bool(diagnosis.causes))
+    gains, of = kept_errors.furthest_first(diagnosis.gain), kept_errors.stages(bool(diagnosis.fitted_with))
     yield f"mean error {' -> '.join(kept_errors.STAGES[stage] for stage in of)}, {kept_errors.HOW}"
-    if diagnosis.causes:
+    if diagnosis.fitted_with:
         yield from _before_and_after(gains, of)
     else:
         yield " · ".join(_at(gain, of) for gain in gains)
     outside = f"{100 * max(g.outside_trained_share for g in gains):.0f} % of the time outside trained points"
-    interval = f"95 % intervals {gains[0].interval}; " if diagnosis.causes else ""
+    interval = f"95 % intervals {gains[0].interval}; " if diagnosis.fitted_with else ""
     yield f"{words.joined(diagnosis.held_out_names)}; {interval}{outside}"
     yield from gain_notes(diagnosis)
 

@@ -29,7 +29,7 @@ INTERVAL = (
 def gain_bars(diagnosis: Diagnosis) -> Plot | None:
     """Bars by node, furthest off first: as published, recalibrated, with a cause that was named. None without kept
     data."""
-    gains, named = furthest_first(diagnosis.gain), bool(diagnosis.causes)
+    gains, named = furthest_first(diagnosis.gain), bool(diagnosis.fitted_with)
     if not gains:
         return None
     title = _title(diagnosis)
@@ -41,7 +41,7 @@ def gain_bars(diagnosis: Diagnosis) -> Plot | None:
 
 def _title(diagnosis: Diagnosis) -> str:
     told = words.capital(on_kept(diagnosis))
-    if diagnosis.causes and all(change(gain) != "better" for gain in diagnosis.gain):
+    if diagnosis.fitted_with and all(change(gain) != "better" for gain in diagnosis.gain):
         return f"{told}; no node is predicted better with the cause by more than chance"
     return told
 

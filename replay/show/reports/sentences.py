@@ -42,7 +42,7 @@ def _found(diagnosis: Diagnosis) -> str:
 
 
 def _named(diagnosis: Diagnosis) -> str:
-    first, *more = diagnosis.causes
+    first, *more = sorted(diagnosis.causes, key=lambda cause: cause.of_the_record)
     if more:
         return f"{first.says}, and {words.counted(len(more), 'more cause')}"
     others = words.counted(len(first.indistinguishable_from), "other")

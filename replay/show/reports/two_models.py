@@ -21,7 +21,7 @@ def notes(diagnosis: Diagnosis) -> list[str]:
 
 
 def _without_gain(diagnosis: Diagnosis) -> str:
-    if not diagnosis.causes or any(cause.improved for cause in diagnosis.causes):
+    if not diagnosis.fitted_with or any(cause.improved for cause in diagnosis.causes):
         return ""
     offer = "the extended files are offered all the same" if diagnosis.offers else "no file is changed"
     return f"{_no_gain(diagnosis)}; {offer}."

@@ -112,6 +112,11 @@ class Named:
     stands: Stands | None = field(default=None, metadata=IF_SAID)
     sayable: bool = True
 
+    @property
+    def of_the_record(self) -> bool:
+        """Whether it is a fault of the record: samples that were left out before anything was fitted."""
+        return not self.sayable and self.evidence is None
+
 
 @dataclass(frozen=True, kw_only=True)
 class Rival:
@@ -359,6 +364,11 @@ class Diagnosis:
     def offers(self) -> bool:
         """Whether there are extended files."""
         return self.extended_model is not None or self.extended_bench is not None
+
+    @property
+    def fitted_with(self) -> list[Named]:
+        """The causes with which the sessions were fitted once more."""
+        return [cause for cause in self.causes if not cause.of_the_record]
 
 
 def calibration_is_worse(gain: Sequence[KeptGain]) -> bool:

@@ -19,6 +19,7 @@ from made.diagnoses import (
     NAMED,
     NO_LOAD,
     NOT_IMPROVED,
+    PATH,
     RIVALS,
     SEVERAL,
     SILENT,
@@ -32,6 +33,7 @@ from made.diagnoses import (
     session_id,
     shown,
 )
+from replay.show.reports.beyond_usual import how_many
 from replay.show.reports.diagnosis_text import answer_markdown, diagnosis_text
 from replay.show.reports.doubts import not_judged
 from replay.show.reports.kept_errors import change
@@ -422,6 +424,27 @@ def test_the_size_of_a_cause_has_sign_unit_and_interval(
     cause: str, unit: str, estimate: float, ci95: list[float], says: str
 ) -> None:
     assert size(replace(EDDY, id=cause, unit=unit, estimate=estimate, ci95=ci95)) == says
+
+
+def test_samples_that_were_left_out_are_named_but_no_fit_is_with_them() -> None:
+    held = replace(
+        EDDY,
+        id="sensor.magnet.hold",
+        says="the sensor at magnet repeats old values",
+        formula="",
+        log_bayes_factor=2 * EDDY.log_bayes_factor,
+        evidence=None,
+        sayable=False,
+    )
+    alone = flat(diagnosis_text(replace(NAMED, causes=[held])))
+    assert "Answer The sensor at magnet repeats old values: on kept sessions" in alone
+    assert "Named cause sensor.magnet.hold" in alone and "with the cause" not in alone
+    assert " with it" not in how_many(replace(NAMED, causes=[held], findings=[PATH]))
+    both = replace(NAMED, causes=[held, EDDY], findings=[PATH])
+    assert answer(both).startswith(
+        "Magnet loss grows with speed squared and current squared, and 1 more cause: on kept"
+    )
+    assert "with the cause" in flat(diagnosis_text(both)) and "1 without the cause, 0 with it" in how_many(both)
 
 
 @pytest.mark.parametrize(("value", "says"), [(0.97, "97 %"), (0.9999, "over 99 %"), (0.0001, "under 1 %")])
