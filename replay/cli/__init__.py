@@ -13,7 +13,7 @@ import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from importlib import import_module
-from typing import NoReturn, TextIO
+from typing import Any, NoReturn, TextIO
 
 from ingest.texts.plain import plain_line
 from replay.cli.answer import Answer, deliver, deliver_error, store_folder
@@ -135,10 +135,19 @@ def _drop(stream: TextIO) -> None:
 
 
 class _Parser(argparse.ArgumentParser):
-    """Refuses wrong words in one line, as every other refusal."""
+    """Refuses wrong words in one line, as every other refusal, and a verb its own."""
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
+        found, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            from ingest.texts.nearest import hint
+
+            near = hint(unknown[0].partition("=")[0], self._option_string_actions)
+            self.error(f"{' '.join(unknown)} is not understood.{near}")
+        return found, unknown
 
     def error(self, message: str) -> NoReturn:
-        self.exit(2, plain_line(f"{self.prog}: {message}. See {self.prog} --help") + "\n")
+        self.exit(2, plain_line(f"{self.prog}: {message.removesuffix('.')}. See {self.prog} --help") + "\n")
 
 
 def build_parser(verb: str | None) -> argparse.ArgumentParser:

@@ -110,7 +110,7 @@ def workers_of(args: argparse.Namespace) -> Workers | None:
 
 def ask_picture(parser: argparse.ArgumentParser) -> None:
     says = "write the picture to this file, and a .png beside it"
-    parser.add_argument("--out", metavar="FILE.svg", type=Path, help=says)
+    parser.add_argument("-o", "--out", metavar="FILE.svg", type=Path, help=says)
 
 
 def picture_note(target: Path) -> str:

@@ -11,7 +11,7 @@ from replay.cli.answer import Answer, provenance, store_folder
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     says = "the folder of the pages; what lies in it already is written again only where it would be other by now"
-    parser.add_argument("--out", metavar="DIR", type=Path, required=True, help=says)
+    parser.add_argument("-o", "--out", metavar="DIR", type=Path, required=True, help=says)
 
 
 def run(args: argparse.Namespace) -> Answer:

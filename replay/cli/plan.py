@@ -32,7 +32,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     says = "plan for these causes alone (ids; default: for all candidates)"
     parser.add_argument("--cause", metavar="C", nargs="+", default=[], help=says)
     says = "write the day for the bench to this file: a row a second, a column a set value"
-    parser.add_argument("--out", metavar="FILE.csv", type=Path, help=says)
+    parser.add_argument("-o", "--out", metavar="FILE.csv", type=Path, help=says)
     parser.set_defaults(refuse=parser.error)
 
 

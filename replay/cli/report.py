@@ -13,7 +13,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("sessions", metavar="S", nargs="*", help=says)
     says = "model id, motor name or motor file that the replays are of (default: the last replay of each session)"
     parser.add_argument("--model", metavar="M", help=says)
-    parser.add_argument("--out", metavar="FILE", type=Path, default=Path("report.html"), help="default: report.html")
+    parser.add_argument(
+        "-o", "--out", metavar="FILE", type=Path, default=Path("report.html"), help="default: report.html"
+    )
 
 
 def run(args: argparse.Namespace) -> Answer:

@@ -11,7 +11,7 @@ from replay.cli.answer import Answer, provenance, store_folder
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("sessions", metavar="S", nargs="+", help="sessions; their latest replays come along as layers")
     says = "where the .rrd files go (default: layers)"
-    parser.add_argument("--out", metavar="DIR", type=Path, default=Path("layers"), help=says)
+    parser.add_argument("-o", "--out", metavar="DIR", type=Path, default=Path("layers"), help=says)
     says = "sessions over one another, from their starts or laid where they were driven alike"
     parser.add_argument("--align", choices=("start", "test"), help=says)
     where = parser.add_mutually_exclusive_group()

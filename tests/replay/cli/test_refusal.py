@@ -101,6 +101,21 @@ def test_a_mistyped_verb_names_the_nearest(capsys: Capture) -> None:
     assert capsys.readouterr().err == "whyhot: xyzzy is no verb. whyhot --help lists all\n"
 
 
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["diagnose", "--on", "a", "--holdout", "b"], "diagnose: --holdout b is not understood. Nearest: --hold-out."),
+        (["show", "a", "b"], "show: b is not understood."),
+        (["replay", "--bogus"], "replay: --bogus is not understood."),
+    ],
+)
+def test_words_that_a_verb_does_not_know_are_refused_by_the_verb(words: list[str], says: str, capsys: Capture) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main(words)
+    assert stopped.value.code == 2
+    assert capsys.readouterr().err == f"whyhot {says} See whyhot {words[0]} --help\n"
+
+
 def test_a_mistyped_motor_names_the_nearest(store: Path, capsys: Capture) -> None:
     with Store.open(store, write=True) as opened:
         opened.ledger.append("motor-servo", ModelPublished(model="4f0c", motor="servo-5kW", file="m.toml", parent=None))
