@@ -157,8 +157,7 @@ def tried(case: Case, campaign: Campaign, behind: Behind, hidden: tuple[Seen, ..
 
 def _class_of(naming: Naming, refit: Refit) -> ToldApart:
     """A named term and what the data cannot tell from it, by the round in which it entered."""
-    entered = next(found for found in naming.searched if refit.candidate in [r.candidate for r in found.refits])
-    return told_apart(entered, refit.candidate, naming.log_bf_instead)
+    return told_apart(naming.entered(refit.candidate), refit.candidate, naming.log_bf_instead)
 
 
 # --- Kept results -----------------------------------------------------------------------------------------------------

@@ -92,6 +92,11 @@ class Naming:
         """The rounds that let the terms in: without the first where a heat that has no name stands beside them."""
         return self.rounds[1:] if self.heat else self.rounds
 
+    def entered(self, candidate: Candidate) -> Round:
+        """The round in which a term was let in."""
+        led = (one for one in self.searched if (best := one.best) and best.candidate == candidate)
+        return next(led, self.searched[0])
+
     @property
     def is_unknown(self) -> bool:
         """Whether a heat of any course explains more than every candidate that came to anything (`best`), by ln 20 at

@@ -82,7 +82,7 @@ def named(naming: Naming, refit: Refit, train: Sequence[SessionRecorded], kept: 
     place = place_of(final, refit)
     found = size(final, place, refit.candidate.unit)
     effect_K, node, test, t_s = _largest_effect(final, place)
-    first = entered(naming, refit.candidate)
+    first = naming.entered(refit.candidate)
     apart = told_apart(first, refit.candidate, naming.log_bf_instead)
     let_in = [one.candidate for one in naming.accepted]
     others = [member.candidate for member in apart.others if member.candidate not in let_in]
@@ -148,12 +148,6 @@ def _stands(refit: Refit) -> Stands:
 def place_of(final: Fit, refit: Refit) -> int:
     """Where a term stands in the vector of the final fit."""
     return next(i for i, p in enumerate(final.model.parameters) if p == refit.parameter)
-
-
-def entered(naming: Naming, candidate: Candidate) -> Round:
-    """The round in which a term was let in."""
-    led = (one for one in naming.searched if (best := one.best) and best.candidate == candidate)
-    return next(led, naming.searched[0])
 
 
 def _largest_effect(final: Fit, place: int) -> tuple[float, str, int, float]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from replay.studies.diagnosis.answer import ForeseenTest, LawCourse, Named, SteadyPoint, TwoModels
-from replay.studies.diagnosis.answer_parts import entered, with_unit
+from replay.studies.diagnosis.answer_parts import with_unit
 from replay.studies.diagnosis.question import Campaign
 from replay.studies.diagnosis.search import Found
 from twin.calibration.learned import network_of
@@ -84,7 +84,7 @@ def _models(found: Found, leader: Refit) -> dict[str, Fit]:
 
 def _beside(found: Found, leader: Refit) -> list[Refit]:
     """The other refits of the round that a term led, best first."""
-    refits = entered(found.naming, leader.candidate).refits
+    refits = found.naming.entered(leader.candidate).refits
     others = [one for one in refits if one.candidate != leader.candidate]
     return sorted(others, key=lambda one: -one.log_bayes_factor)
 
