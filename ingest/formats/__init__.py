@@ -233,11 +233,12 @@ class Format:
     claims: bool = False  # several formats have its mark: `module.claims(path)` says whether a file is of this one
 
 
+CANDUMP = rb"(?m)^ ?\(\d+\.\d+\)\s+\S+\s+(?:[RT]X \S \S +)?[0-9A-Fa-f]{3,8}(?:#| +\[\d+\] )"  # written, and shown
 FORMATS: tuple[Format, ...] = (
     Format("blf", "frames", (".blf",), b"LOGG", "ingest.formats.blf"),
     Format("asc", "frames", (".asc", ".asc.gz"), b"", "ingest.formats.asc", rb"(?im)^base\s+(hex|dec)\s+timestamps"),
     Format("trc", "frames", (".trc",), b"", "ingest.formats.trc", rb"(?m)^;\$FILEVERSION=|^;-+\+-.*\n *\d+\) +\d"),
-    Format("candump", "frames", (), b"", "ingest.formats.candump", rb"(?m)^\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}#"),
+    Format("candump", "frames", (), b"", "ingest.formats.candump", CANDUMP),
     Format("gvret", "frames", (), b"", "ingest.formats.gvret", rb"(?im)^time stamp,id,extended,"),
     Format("can_csv", "frames", (), b"", "ingest.formats.can_csv", rb"(?m)^timestamp,arbitration_id,extended,remote"),
     Format("css_csv", "frames", (), b"", "ingest.formats.css_csv", rb"\ATimestampEpoch.BusChannel.ID.IDE.DLC"),
