@@ -8,6 +8,8 @@ from pathlib import Path
 from replay.cli.answer import Answer, provenance, store_folder
 from replay.cli.asked import ask_as_of
 
+SHOWN = 8  # names of signals in a line
+
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     from replay.exports.csv import EXCELS
@@ -45,4 +47,7 @@ def run(args: argparse.Namespace) -> Answer:
         }
     says = f"{target}   {session.name}: {done.rows:,} rows, {len(done.columns)} channels"
     notes = [] if done.absolute else [f"session {session.name}: has no date: times count from its logger's start."]
+    if done.unnamed:
+        names = ", ".join(done.unnamed[:SHOWN]) + (" ..." if len(done.unnamed) > SHOWN else "")
+        notes.append(f"session {session.name}: left out, as the bench file does not say what they are: {names}.")
     return Answer(data, says, notes=notes)

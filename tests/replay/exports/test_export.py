@@ -268,6 +268,22 @@ def test_it_never_writes_over_a_file_and_leaves_no_part_of_one(
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"a.mcap": "mine"}
 
 
+def test_signals_that_the_bench_file_does_not_name_are_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "a.csv").write_text("t,n,T\n0,1500,20\n1,1501,21\n")
+    (tmp_path / "b.csv").write_text("t,n,T\n0,1500,20\n1,1501,22\n")
+    bench, store = tmp_path / "bench.toml", ["--store", str(tmp_path / "store")]
+    bench.write_text('schema = "whyhot.bench/1"\n')
+    assert main(["ingest", str(tmp_path / "a.csv"), "--bench", str(bench), *store]) == 0
+    bench.write_text(bench.read_text() + '[[channel]]\nsignal = "n"\nquantity = "speed"\nunit = "rpm"\n')
+    assert main(["ingest", str(tmp_path / "b.csv"), "--bench", str(bench), *store]) == 0
+    for session, code, says in (
+        ("a", 2, "session a: its bench file names none of its signals: there is nothing to export."),
+        ("b", 0, "session b: left out, as the bench file does not say what they are: T."),
+    ):
+        assert main(["export", session, "--to", "csv", "-o", str(tmp_path / f"{session}.out"), *store]) == code
+        assert says in capsys.readouterr().err
+
+
 def test_only_a_csv_is_for_the_excel_of_a_country(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["export", "can", "--to", "xlsx", "--excel", "de", "--store", str(folder / "store")])
