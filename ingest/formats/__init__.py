@@ -249,6 +249,7 @@ FORMATS: tuple[Format, ...] = (
     Format("parquet", "rows", (".parquet",), b"PAR1", "ingest.formats.parquet"),
     Format("arrow", "rows", (".arrow", ".feather"), b"ARROW1", "ingest.formats.arrow", rb"\A\xff{4}..\0\0\x10\0\0\0"),
     Format("mcap", "rows", (".mcap",), b"\x89MCAP0\r\n", "ingest.formats.mcap"),
+    Format("atfx", "rows", (".atfx",), b"", "ingest.formats.atfx", rb"<atfx_file[\s>]"),
     Format("lvm", "rows", (".lvm",), b"LabVIEW Measurement", "ingest.formats.lvm"),
     Format("xlsx", "rows", (".xlsx", ".xlsm"), b"PK\x03\x04", "ingest.formats.xlsx"),
     Format("csv", "rows", (".csv", ".csv.gz", ".txt", ".tsv", ".log"), b"", "ingest.formats.csv"),

@@ -42,6 +42,7 @@ def run(args: argparse.Namespace) -> Answer:
             "session": session.session,
             "file": str(target),
             "rows": done.rows,
+            "left_out": list(done.unnamed),
             "columns": [{"name": one.name, "unit": one.unit, "place": one.place} for one in done.columns],
             "provenance": provenance(store, to=args.to, excel=args.excel),
         }
@@ -49,5 +50,5 @@ def run(args: argparse.Namespace) -> Answer:
     notes = [] if done.absolute else [f"session {session.name}: has no date: times count from its logger's start."]
     if done.unnamed:
         names = ", ".join(done.unnamed[:SHOWN]) + (" ..." if len(done.unnamed) > SHOWN else "")
-        notes.append(f"session {session.name}: left out, as the bench file does not say what they are: {names}.")
+        says += f"\nleft out, as the bench file does not say what they are: {names}"
     return Answer(data, says, notes=notes)

@@ -170,7 +170,6 @@ HEADS = {  # of files that programs beside loggers write -> what a person does t
     b"|CF,2,1,1;|CK,1,3,1,1;": "as MDF4, or as CSV",
     b"DIAEXTENDED  {@:ENGLISH": "File, Save as",
     b"<?xml version='1.0'?>\n<usi:tdm": "File, Save as",
-    b"<?xml version='1.0'?>\n<atfx_file": "MDF4 or CSV in what wrote it",
     b"    -1\n    58\n": "as CSV or MDF4",
     b"PARE": "without encryption",
     b"FEA1": "as version 2",

@@ -278,10 +278,10 @@ def test_signals_that_the_bench_file_does_not_name_are_said(tmp_path: Path, caps
     assert main(["ingest", str(tmp_path / "b.csv"), "--bench", str(bench), *store]) == 0
     for session, code, says in (
         ("a", 2, "session a: its bench file names none of its signals: there is nothing to export."),
-        ("b", 0, "session b: left out, as the bench file does not say what they are: T."),
+        ("b", 0, "left out, as the bench file does not say what they are: T\n"),
     ):
         assert main(["export", session, "--to", "csv", "-o", str(tmp_path / f"{session}.out"), *store]) == code
-        assert says in capsys.readouterr().err
+        assert says in "".join(capsys.readouterr())
 
 
 def test_only_a_csv_is_for_the_excel_of_a_country(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
