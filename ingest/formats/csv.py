@@ -39,6 +39,7 @@ from ingest.formats._csv_numbers import MISSING
 from ingest.formats._csv_time import recognise_clock
 from ingest.formats._text import TextFile, place_of
 
+BLANK = " \r"
 SINGLY = 64  # rows that are read one by one where they cannot be read together
 SHOWN = 64  # first bytes of a rejected row, or of a line above the header
 ABOVE = 20  # lines above the header that are kept as they stand
@@ -63,7 +64,7 @@ class CsvLog(Log):
     _numeric: tuple[bool, ...] = ()
     _header: str = ""  # its line: where it stands again it is no row
     _lines: int = 0  # that were read
-    _no_rows: int = 0  # lines below the header that are comments, or the header again
+    _left: int = 0  # lines below the header that are comments, or the header again
     _back: int = 0  # steps of time that go back
     _last_ns: int | None = None
 
@@ -159,10 +160,10 @@ class CsvLog(Log):
 
     def _rows(self, lines: list[str], *, cut: bool) -> Iterator[Rows]:
         """The rows of consecutive lines. `cut`: the last one is not whole."""
-        written = np.array([_is_row(line) for line in lines], bool)
-        no_rows = [place for place in np.flatnonzero(written).tolist() if self._is_no_row(lines[place])]
+        written = np.array([line.strip(BLANK) != "" for line in lines], bool)
+        no_rows = self._no_rows(lines)
         written[no_rows] = False
-        self._no_rows += len(no_rows)
+        self._left += len(no_rows)
         record = self.found + np.cumsum(written) - 1
         self.found += int(written.sum())
         at = np.flatnonzero(written)
@@ -184,11 +185,14 @@ class CsvLog(Log):
             where = f"{self.line} {self._lines + place + 1:,}" + (f", column {column}" if column else "")
             self.rejected.append(Rejected(int(record[place]), where, why, lines[place].encode()[:SHOWN]))
 
-    def _is_no_row(self, line: str) -> bool:
-        """Whether a line is a comment, or the header again, which loggers write when they are started anew."""
-        if line.startswith("#"):
-            return len(cells(line, self._dialect.delimiter)) != len(self._dialect.names)
-        return line == self._header
+    def _no_rows(self, lines: list[str]) -> list[int]:
+        """Places of comments, and of the header again, which loggers write when they are started anew."""
+        width = len(self._dialect.names)
+        marked = [place for place, line in enumerate(lines) if line[:1] == "#"]
+        found = [place for place in marked if len(cells(lines[place], self._dialect.delimiter)) != width]
+        if self._header in lines:
+            found += [place for place, line in enumerate(lines) if line == self._header]
+        return found
 
     def _place(self, line: int) -> str:
         """Where a line (from 1) stands in the file."""
@@ -288,8 +292,8 @@ class CsvLog(Log):
 
     def _finish(self, text: TextFile) -> None:
         self.settings.update(gz=text.packed, backward_steps=self._back, **self._clock.counted())
-        if self._no_rows:
-            self.settings["lines_of_no_row"] = self._no_rows
+        if self._left:
+            self.settings["lines_of_no_row"] = self._left
         for name in self.unsaid:
             self.settings.pop(name, None)
         ended = text.ended
@@ -308,7 +312,7 @@ def is_table(path: Path) -> bool:
 
 def _is_row(line: str) -> bool:
     """Whether a line is a row: a blank one is not, one of tabs alone is a row of empty cells."""
-    return bool(line.strip(" \r"))
+    return line.strip(BLANK) != ""
 
 
 def _joined(parts: list[_Part]) -> Iterator[_Part]:
