@@ -1,8 +1,9 @@
 """How much memory `ingest` and `show` of a long log take, next to the bound that the program keeps.
 
-    python benchmarks/memory.py [--quick] [--json FILE] [--mb N] [--formats blf,asc,csv,log]
+    python benchmarks/memory.py [--quick] [--json FILE] [--mb N] [--formats blf,asc,csv,log,mf4,tdms,xlsx]
 
-One message at 4,000 frames a second, as a log of each format (`log` is candump's, `csv` a table with a row a frame), of
+One message at 4,000 frames a second, as a log of each format (`log` is candump's; `csv`, `mf4`, `tdms` and `xlsx` are
+tables with a row a frame), of
 as many megabytes as `--mb` says (2000 for 2 GB), with a bench file for its four signals. Each verb is a command of its
 own. Of it is printed what all its processes held at once at
 most (`all`: what they share is counted in each), and the largest of them (`largest`), as the system counts it: Linux
@@ -17,25 +18,31 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 HERE = Path(__file__).parent
 sys.path[:] = [place for place in sys.path if Path(place) != HERE]  # the files here have the names of packages
 sys.path[:0] = [str(HERE.parent / "tests"), str(HERE.parent)]
 
 from benchmarks import asked
+from made import mdf
 from made.blf import write_blf
 
 BOUND_MIB = 1024
+MOST_ROWS = 1_048_575  # of a sheet, without its header
 MIB = 1 << 20
 PROBE = 20_000  # frames that tell how many a megabyte holds
 EVERY_S = 0.02
 CODE = "import sys; from replay.cli import main; sys.exit(main())"
 STEP_US = 250
+TABLES = ("csv", "mf4", "tdms", "xlsx")
 LINES = {  # of a frame: when, and its eight bytes in hexadecimal
     "asc": b"%d.%06d 1 100 Rx d 8 %s\n",
     "log": b"(%d.%06d) can0 100#%s\n",
@@ -66,22 +73,24 @@ def _one(form: str, size: int) -> dict[str, Any]:
     """A log of one format and about so many bytes, ingested and shown."""
     with tempfile.TemporaryDirectory(prefix="memory") as place:
         folder = Path(place)
-        frames = write_setup(folder, form, size)
+        with ProcessPoolExecutor(1) as apart:  # the system counts what this process held as its children's
+            frames = apart.submit(write_setup, folder, form, size).result()
         size = (folder / f"log.{form}").stat().st_size
         print(f"log.{form}: {size / 1e6:,.0f} MB, {frames:,} frames; bound {BOUND_MIB:,} MiB")
         print(f"{'':8} {'all MiB':>8} {'largest MiB':>12} {'of bound':>9} {'s':>6}")
-        setup = ("--bench", "bench.toml", *(() if form == "csv" else ("--dbc", "bench.dbc")))
+        setup = ("--bench", "bench.toml", *(() if form in TABLES else ("--dbc", "bench.dbc")))
         verbs = [measured(folder, *words) for words in (("ingest", f"log.{form}", *setup), ("show", "log"))]
     return {"format": form, "bytes": size, "frames": frames, "verbs": verbs}
 
 
 def write_setup(folder: Path, form: str, size: int) -> int:
     """The log of about `size` bytes, bench file and database; how many frames it has."""
-    path, write = folder / f"log.{form}", write_blf if form == "blf" else partial(_write_lines, form)
+    writers = {"blf": write_blf, "mf4": _write_mf4, "tdms": _write_tdms, "xlsx": _write_xlsx}
+    path, write = folder / f"log.{form}", writers.get(form, partial(_write_lines, form))
     write(path, PROBE)
-    frames = PROBE * size // path.stat().st_size
+    frames = min(PROBE * size // path.stat().st_size, MOST_ROWS if form == "xlsx" else sys.maxsize)
     write(path, frames)
-    channels = [CHANNEL % ("" if form == "csv" else "Words.", k) for k in range(4)]
+    channels = [CHANNEL % ("" if form in TABLES else "Words.", k) for k in range(4)]
     (folder / "bench.toml").write_text('schema = "whyhot.bench/1"\n' + "".join(channels), encoding="utf-8")
     (folder / "bench.dbc").write_text(DATABASE, encoding="utf-8")
     return frames
@@ -89,8 +98,7 @@ def write_setup(folder: Path, form: str, size: int) -> int:
 
 def _write_lines(form: str, path: Path, count: int) -> None:
     """So many frames as lines; their values come again after each `PROBE`."""
-    words = 400 + 10 * np.sin(np.arange(PROBE)[:, None] / np.array([600, 950, 1400, 3000]))
-    words = np.round(words + np.random.default_rng(1).normal(0, 1, words.shape)).astype("<u2")
+    words = _words()
     if form == "csv":
         values = [b",".join(b"%.1f" % value for value in row) for row in (0.1 * words - 40).tolist()]
     else:
@@ -100,6 +108,48 @@ def _write_lines(form: str, path: Path, count: int) -> None:
         for first in range(0, count, PROBE):
             stamps = (divmod(number * STEP_US, 1_000_000) for number in range(first, min(first + PROBE, count)))
             file.writelines(LINES[form] % (*stamp, value) for stamp, value in zip(stamps, values, strict=False))
+
+
+def _words() -> NDArray[np.uint16]:
+    """The four signals of `PROBE` frames, as the bus has them."""
+    words = 400 + 10 * np.sin(np.arange(PROBE)[:, None] / np.array([600, 950, 1400, 3000]))
+    noisy: NDArray[np.uint16] = np.round(words + np.random.default_rng(1).normal(0, 1, words.shape)).astype("<u2")
+    return noisy
+
+
+def _rows(count: int) -> Iterator[NDArray[np.float64]]:
+    """So many rows of time [s] and four temperatures [degC], about `PROBE` at once."""
+    for first in range(0, count, PROBE):
+        number = np.arange(first, min(first + PROBE, count))
+        yield np.column_stack([number * (STEP_US / 1e6), 0.1 * _words()[: len(number)] - 40])
+
+
+def _write_mf4(path: Path, count: int) -> None:
+    file = mdf.Mdf4()
+    channels = [mdf.SECONDS, *(mdf.Channel(f"w{k}", mdf.FLOAT, 8 + 8 * k, 64, unit="degC") for k in range(4))]
+    records = b"".join(rows.astype("<f8").tobytes() for rows in _rows(count))
+    file.save(path, file.stored("table", channels, records, 40))
+
+
+def _write_tdms(path: Path, count: int) -> None:
+    from nptdms import ChannelObject, TdmsWriter
+
+    step = {"wf_increment": STEP_US / 1e6}
+    with TdmsWriter(path) as writer:
+        for rows in _rows(count):
+            writer.write_segment([ChannelObject("bench", f"w{k}", rows[:, k + 1], step) for k in range(4)])
+
+
+def _write_xlsx(path: Path, count: int) -> None:
+    from openpyxl import Workbook
+
+    book = Workbook(write_only=True)
+    sheet = book.create_sheet()
+    sheet.append(["time", *(f"w{k}" for k in range(4))])
+    for rows in _rows(count):
+        for row in rows.round(6).tolist():
+            sheet.append(row)
+    book.save(path)
 
 
 def measured(folder: Path, *words: str) -> dict[str, Any]:

@@ -233,11 +233,12 @@ class Format:
     claims: bool = False  # several formats have its mark: `module.claims(path)` says whether a file is of this one
 
 
+CANDUMP = rb"(?m)^ ?\(\d+\.\d+\)\s+\S+\s+(?:[RT]X \S \S +)?[0-9A-Fa-f]{3,8}(?:#| +\[\d+\] )"  # written, and shown
 FORMATS: tuple[Format, ...] = (
     Format("blf", "frames", (".blf",), b"LOGG", "ingest.formats.blf"),
     Format("asc", "frames", (".asc", ".asc.gz"), b"", "ingest.formats.asc", rb"(?im)^base\s+(hex|dec)\s+timestamps"),
     Format("trc", "frames", (".trc",), b"", "ingest.formats.trc", rb"(?m)^;\$FILEVERSION=|^;-+\+-.*\n *\d+\) +\d"),
-    Format("candump", "frames", (), b"", "ingest.formats.candump", rb"(?m)^\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}#"),
+    Format("candump", "frames", (), b"", "ingest.formats.candump", CANDUMP),
     Format("gvret", "frames", (), b"", "ingest.formats.gvret", rb"(?im)^time stamp,id,extended,"),
     Format("can_csv", "frames", (), b"", "ingest.formats.can_csv", rb"(?m)^timestamp,arbitration_id,extended,remote"),
     Format("css_csv", "frames", (), b"", "ingest.formats.css_csv", rb"\ATimestampEpoch.BusChannel.ID.IDE.DLC"),
@@ -248,6 +249,7 @@ FORMATS: tuple[Format, ...] = (
     Format("parquet", "rows", (".parquet",), b"PAR1", "ingest.formats.parquet"),
     Format("arrow", "rows", (".arrow", ".feather"), b"ARROW1", "ingest.formats.arrow", rb"\A\xff{4}..\0\0\x10\0\0\0"),
     Format("mcap", "rows", (".mcap",), b"\x89MCAP0\r\n", "ingest.formats.mcap"),
+    Format("atfx", "rows", (".atfx",), b"", "ingest.formats.atfx", rb"<atfx_file[\s>]"),
     Format("lvm", "rows", (".lvm",), b"LabVIEW Measurement", "ingest.formats.lvm"),
     Format("xlsx", "rows", (".xlsx", ".xlsm"), b"PK\x03\x04", "ingest.formats.xlsx"),
     Format("csv", "rows", (".csv", ".csv.gz", ".txt", ".tsv", ".log"), b"", "ingest.formats.csv"),

@@ -25,7 +25,7 @@ from ingest.formats._csv_clocks import LATEST_NS, UNITS_NS, Clock, Flags, Ints
 from ingest.formats._csv_dialect import SAMPLE_ROWS, UNIT_IN_NAME, Dialect, unique
 from ingest.formats._csv_numbers import Numerals
 from ingest.formats._csv_stamps import LocalClock
-from ingest.formats._csv_time import is_time_name, joined, recognise_clock
+from ingest.formats._csv_time import is_time_name, recognise_clock
 
 VALUES = 4_000_000  # of a batch, at most
 ROWS = 100_000  # of a batch, at most
@@ -136,8 +136,8 @@ class ArrowLog(Log):
         count = len(next(iter(table.values()), ()))
         record = self.found + np.arange(count)
         self.found += count
-        first, *second = [self._time_cells(table[name]) for name in self._clock.columns] or [record]
-        cells = joined(first, second[0]) if second else first
+        held = [self._time_cells(table[name]) for name in self._clock.columns]
+        cells = self._clock.cells(held) if held else record
         t_ns, bad = self._clock.t_ns(cells, record)
         columns = {name: _values(column) for name, column in table.items() if name not in self._clock.columns}
         for i in np.flatnonzero(bad).tolist():
@@ -153,7 +153,11 @@ class ArrowLog(Log):
             yield Rows(t_ns[fine], {name: values[fine] for name, values in columns.items()}, record[fine])
 
     def _time_cells(self, column: pa.Array) -> NDArray[Any]:
-        return _nanoseconds(column) if isinstance(self._clock, _Instants | _Durations) else _values(column)
+        if isinstance(self._clock, _Instants | _Durations):
+            return _nanoseconds(column)
+        if self._clock.is_text and _is_number(column.type):
+            return np.array(pc.fill_null(pc.cast(column, pa.string()), "").to_pylist(), object)
+        return _values(column)
 
     def _why(self, cell: Any) -> str:
         missing = not cell.strip() if isinstance(cell, str) else cell == NO_TIME or np.isnan(cell)

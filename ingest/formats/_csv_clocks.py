@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,6 +17,8 @@ Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 UNITS_NS = {"ns": 1.0, "us": 1e3, "µs": 1e3, "μs": 1e3, "ms": 1e6, "s": 1e9, "sec": 1e9, "min": 60e9, "h": 3600e9}
+WRAP = 2**32  # what a counter of 32 bits begins anew at: of milliseconds after 50 days, of microseconds after 72 min
+DAY_S, HALF_DAY_S = 86_400.0, 43_200.0
 SHOWN = 64  # characters of a cell that is no time
 LATEST_NS = 9.2e18  # what int64 holds
 
@@ -25,12 +29,16 @@ class Clock(ABC):
 
     says: str
     absolute: bool
-    columns: tuple[str, ...] = ()  # those that hold it: none, one, or two (date and time of day)
+    columns: tuple[str, ...] = ()  # those that hold it: none, one, or several (date, time of day, milliseconds)
     is_text: bool = False  # their cells are wanted as text
 
     @abstractmethod
     def t_ns(self, cells: NDArray[Any], record: Ints) -> tuple[Ints, Flags]:
-        """(t_ns, bad) of consecutive rows (N,); bad where the cell of the column, or both `joined`, is no time."""
+        """(t_ns, bad) of consecutive rows (N,); bad where their cell, as `cells` gives it, is no time."""
+
+    def cells(self, columns: Sequence[NDArray[Any]]) -> NDArray[Any]:
+        """The cells of `columns` (each (N,)) as one a row (N,)."""
+        return columns[0] if len(columns) == 1 else joined(*columns)
 
     def why(self, cell: str) -> str:
         """Why a cell that `t_ns` called bad is no time."""
@@ -54,16 +62,92 @@ class Rate(Clock):
 
 @dataclass(kw_only=True)
 class Counted(Clock):
-    """Numbers of a unit, counted from the origin. `step_ns`: what they are rounded to."""
+    """Numbers of a unit, counted from the origin. `step_ns`: what they are rounded to. A counter of 32 bits that begins
+    anew goes on."""
 
     unit_ns: float
     origin_ns: int = 0
     step_ns: int = 1
+    _wraps: int = field(default=0, init=False)
+    _last: float = field(default=np.nan, init=False)
 
     def t_ns(self, cells: NDArray[Any], record: Ints) -> tuple[Ints, Flags]:
-        steps = cells * (self.unit_ns / self.step_ns)
+        steps = self._unwrapped(cells) * (self.unit_ns / self.step_ns)
         bad = ~(np.abs(steps) < (LATEST_NS - self.origin_ns) / self.step_ns)
         return self.origin_ns + np.rint(np.where(bad, 0.0, steps)).astype(np.int64) * self.step_ns, bad
+
+    def _unwrapped(self, cells: NDArray[np.float64]) -> NDArray[np.float64]:
+        wraps = self._wraps + wraps_of(cells, self._last)
+        said = np.flatnonzero(~np.isnan(cells))
+        if len(said):
+            self._wraps, self._last = int(wraps[-1]), float(cells[said[-1]])
+        return np.asarray(cells + wraps * float(WRAP)) if self._wraps else cells
+
+    def counted(self) -> dict[str, int]:
+        return {"counter_wraps": self._wraps} if self._wraps else {}
+
+
+def wraps_of(counts: NDArray[np.float64], before: float = np.nan) -> Ints:
+    """How often a counter of 32 bits has begun anew up to each of `counts` (N,), since the count `before` them."""
+    wraps = np.zeros(len(counts), np.int64)
+    said = np.flatnonzero(~np.isnan(counts))
+    fell = np.diff(counts[said], prepend=before) < -0.9 * WRAP
+    top = np.append(before, counts[said][:-1]) < WRAP if len(said) else fell
+    wraps[said] = fell & top
+    return np.cumsum(wraps)
+
+
+@dataclass(kw_only=True)
+class Serial(Counted):
+    """Days since 1899-12-30 of a local clock, as spreadsheets count them."""
+
+    local: LocalClock
+
+    def t_ns(self, cells: NDArray[Any], record: Ints) -> tuple[Ints, Flags]:
+        wall, bad = super().t_ns(cells, record)
+        t_ns, gone = self.local.to_utc(wall)
+        return t_ns, bad | gone
+
+
+@dataclass(kw_only=True)
+class OfDay(Clock):
+    """Hours, minutes and seconds without a date, from the midnight before the first row. A clock that goes back by more
+    than half a day has passed midnight."""
+
+    origin_ns: int = 0
+    is_text: bool = field(default=True, init=False)
+    _days: int = field(default=0, init=False)
+    _last_s: float = field(default=np.nan, init=False)
+
+    def t_ns(self, cells: NDArray[Any], record: Ints) -> tuple[Ints, Flags]:
+        seconds = np.array([seconds_of_day(cell) for cell in cells], float)
+        bad, fine = np.isnan(seconds), np.flatnonzero(~np.isnan(seconds))
+        days = np.zeros(len(cells), np.int64)
+        days[fine] = np.diff(seconds[fine], prepend=self._last_s) < -HALF_DAY_S
+        days = self._days + np.cumsum(days)
+        if len(fine):
+            self._days, self._last_s = int(days[-1]), float(seconds[fine[-1]])
+        t_s = np.where(bad, 0.0, seconds + days * DAY_S)
+        return self.origin_ns + np.rint(t_s * 1e6).astype(np.int64) * 1000, bad
+
+
+OF_DAY = re.compile(r"(\d{1,4}):(\d{2}):(\d{2})(?:[.,:](\d{1,9}))?(?:\s?([AaPp])[Mm])?", re.ASCII)
+
+
+def seconds_of_day(cell: str) -> float:
+    """Seconds of `14:02:07.5`, `02:02:07 PM` or, counted from a start, `100:06:40`; NaN where it is none."""
+    match = OF_DAY.fullmatch(cell.strip())
+    if match is None or int(match[2]) > 59 or int(match[3]) > 59 or (match[5] and not 1 <= int(match[1]) <= 12):
+        return float("nan")
+    hours = int(match[1])
+    if match[5]:
+        hours = hours % 12 + 12 * (match[5] in "Pp")
+    return hours * 3600 + int(match[2]) * 60 + int(match[3]) + float(f"0.{match[4] or 0}")
+
+
+def joined(day: NDArray[Any], *clock: NDArray[Any]) -> NDArray[np.object_]:
+    """Cells of several columns as one stamp each (N,)."""
+    return np.array([" ".join(cells) for cells in zip(day, *clock, strict=True)], object)
 
 
 @dataclass(kw_only=True)
@@ -72,7 +156,14 @@ class Stamped(Clock):
 
     pattern: str
     local: LocalClock
+    millis: bool = False  # the last of the columns holds the milliseconds of the stamp before it
     is_text: bool = field(default=True, init=False)
+
+    def cells(self, columns: Sequence[NDArray[Any]]) -> NDArray[Any]:
+        stamps = super().cells(columns[: len(columns) - self.millis])
+        if not self.millis:
+            return stamps
+        return np.array([f"{one}.{ms.strip():0>3}" for one, ms in zip(stamps, columns[-1], strict=True)], object)
 
     def t_ns(self, cells: NDArray[Any], record: Ints) -> tuple[Ints, Flags]:
         return parse(cells, self.pattern, self.local)

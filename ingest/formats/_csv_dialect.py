@@ -17,7 +17,8 @@ from ingest.formats._csv_numbers import MISSING, Numerals
 from ingest.formats._csv_stamps import is_stamp
 from ingest.texts.units import normal_unit
 
-DELIMITERS = (",", ";", "\t")
+DELIMITERS = (",", ";", "\t", "|")
+BLANKS = " "  # any number of them, and tabs, between two columns: where nothing else cuts
 SAMPLE_ROWS = 200
 SAMPLE_BODY = 40  # rows that tell which columns hold values
 CODE = re.compile(r"0\d+", re.ASCII)  # 0417 is the name of something, no number
@@ -44,12 +45,27 @@ class Dialect:
 
 def cells(line: str, delimiter: str) -> list[str]:
     """The cells of one line. A line is a row: a quoted cell does not go on in the next."""
+    if delimiter == BLANKS:
+        return line.split()
     if '"' not in line:
         return line.split(delimiter)
     try:
         return next(csv.reader([line], delimiter=delimiter), [])
     except csv.Error:
         return []
+
+
+def header_in_one_line(lines: list[str]) -> list[str]:
+    """The lines with a header whose quoted names hold line feeds in one of them; blank lines stand for the others, so
+    that each line keeps its number."""
+    open_ones = [place for place, line in enumerate(lines[:SAMPLE_BODY]) if line.count('"') % 2]
+    if len(open_ones) < 2:
+        return lines
+    begin, end = open_ones[:2]
+    whole = " ".join(lines[begin : end + 1])
+    if any(one.is_number(cell.strip(' "')) for cell in re.split(r"[,;\t|]", whole) for one in EITHER):
+        return lines
+    return [*lines[:begin], whole, *[""] * (end - begin), *lines[end + 1 :]]
 
 
 def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
@@ -60,7 +76,8 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
         raise UnreadableLogError(f"{log}: holds one line and no row below it: nothing to read. Export the table again.")
     delimiter, above = _layout(lines)
     header = [cell.strip() for cell in cells(lines[above], delimiter)]
-    rows = [cells(line, delimiter) for line in lines[above + 1 :][: SAMPLE_ROWS + 1]]
+    below = [line for line in lines[above + 1 :] if line != lines[above]]
+    rows = [cells(line, delimiter) for line in below[: SAMPLE_ROWS + 1]]
     if all(_open_end(row, header) for row in rows):
         header.append("")
     _check_header(header, rows, delimiter, log)
@@ -86,7 +103,7 @@ def holds_table(lines: Sequence[str]) -> bool:
 
 def _layout(lines: Sequence[str]) -> tuple[str, int]:
     """(delimiter, lines above the header): the delimiter that cuts most rows into as many cells as the header; of
-    several, the one that makes most cells."""
+    several, the one that makes most cells. Blanks where no other cuts half of them so."""
 
     def fit(layout: tuple[str, int]) -> tuple[bool, int, int]:
         delimiter, above = layout
@@ -95,7 +112,11 @@ def _layout(lines: Sequence[str]) -> tuple[str, int]:
         cuts = max(len(header), _usual(rows)) > 1
         return cuts, sum(len(row) - _open_end(row, header) == len(header) for row in rows), len(header)
 
-    return max(((delimiter, _above_header(lines, delimiter)) for delimiter in DELIMITERS), key=fit)
+    best = max(((delimiter, _above_header(lines, delimiter)) for delimiter in DELIMITERS), key=fit)
+    cuts, fitting, _ = fit(best)
+    if cuts and 2 * fitting >= len(lines) - best[1] - 1:
+        return best
+    return max((best, (BLANKS, _above_header(lines, BLANKS))), key=fit)
 
 
 def _above_header(lines: Sequence[str], delimiter: str) -> int:

@@ -12,7 +12,18 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-MISSING = frozenset(("", "nan", "NaN", "NA", "N/A", "null", "-", "--", "---", "#N/A", "#NV", "BURNOUT"))
+NOTHING = ("", "nan", "NaN", "NAN", "NA", "N/A", "n/a", "null", "NULL", "None", "BURNOUT", "Burnout")
+OVER_RANGE = ("OL", "O.L", "OVER", "OVLD", "OVERFLOW", "nan", "inf", "Inf", "INF", "1.#INF", "1.#QNAN", "1.#IND")
+FAILED = ("Bad Input", "#N/A", "#NV", "#DIV/0!", "#VALUE!", "#WERT!", "#NUM!", "#ZAHL!")
+MISSING = frozenset(
+    (
+        *NOTHING,
+        *FAILED,
+        *(sign + word for word in OVER_RANGE for sign in ("", "+", "-")),
+        *(sign * count for sign in "-+*?" for count in range(1, 13)),
+    )
+)
+NO_READING = (9.9e37, 9.91e37)  # what instruments answer for "over range" and "no number" (SCPI-1999, volume 1, 7.2.1)
 BLANKS = " \u00a0\u202f"  # that stand between thousands: plain, no-break, narrow no-break
 APOSTROPHES = "'’"
 OTHER = {".": ",", ",": "."}
@@ -40,6 +51,8 @@ class Numerals:
             found = float(re.sub(f"[{re.escape(self._groups)}]", "", cell).replace(self.decimal, "."))
         else:
             return None
+        if abs(found) in NO_READING:
+            return float("nan")
         return found if np.isfinite(found) else None
 
     def is_number(self, cell: str) -> bool:
@@ -61,6 +74,12 @@ class Numerals:
         bare = pc.replace_substring_regex(trimmed, f"[{re.escape(self._groups)}]", "")
         text = pc.if_else(missing, "nan", pc.replace_substring(bare, self.decimal, "."))
         return np.asarray(pc.cast(text, pa.float64()).to_numpy(zero_copy_only=False))
+
+    @staticmethod
+    def read(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Numbers (N,) with NaN for those that say that nothing was read."""
+        nothing = np.isin(np.abs(values), NO_READING)
+        return np.where(nothing, np.nan, values) if nothing.any() else values
 
     @cached_property
     def _groups(self) -> str:

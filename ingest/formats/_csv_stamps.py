@@ -44,6 +44,10 @@ DATES = {
 }
 OFFSET = r"\s?(?P<z>Z|[+-]\d{2}:?\d{2})?"
 KNOWN = {says: rf"^{date}{GAP}{CLOCK}{OFFSET if says == 'ISO 8601' else ''}$" for says, date in DATES.items()}
+BASIC = r"(?P<Y>\d{4})(?P<m>\d{2})(?P<d>\d{2})[T _-]?(?P<H>\d{2})(?P<M>\d{2})(?P<S>\d{2})(?:[.,](?P<f>\d{1,9})\d*)?"
+KNOWN["ISO 8601 without its signs"] = f"^{BASIC}{OFFSET}$"
+# a stamp that is a number as well
+DIGITS_ALONE = r"^(?:19|20|21)\d{2}(?:0[1-9]|1[0-2])(?:0[1-9]|[12]\d|3[01])(?:[01]\d|2[0-3])(?:[0-5]\d){2}$"
 KNOWN_MONTH_FIRST = re.sub("<([dm])>", lambda group: {"d": "<m>", "m": "<d>"}[group[1]], KNOWN[DAY_FIRST])
 DATE_ALONE = "|".join(f"^{re.sub('[?]P<[A-Za-z]>', '?:', date)}$" for date in DATES.values())
 CLOCK_ALONE = f"^{CLOCK}$"
@@ -80,8 +84,15 @@ def day_first(cells: Iterable[str]) -> bool | None:
     return None
 
 
+def year_may_be_first(cells: Iterable[str]) -> bool:
+    """Whether dates of three numbers of two digits, such as 25/03/17, may be of 2025 as well as of 2017."""
+    matches = [*filter(None, map(re.compile(KNOWN[DAY_FIRST]).match, cells))]
+    return bool(matches) and all(match["y"] and 1 <= int(match["y"]) <= 31 for match in matches)
+
+
 def both_formats(cell: str) -> tuple[str, str]:
-    """The strptime formats, with the day first and with the month first, that a stamp such as 5/6/2025 7:01 PM has."""
+    """The strptime formats, with the day first and with the month first, that a stamp such as 5/6/2025 7:01 PM has; of
+    one such as 25/03/17 with the day and with the year first."""
     match = re.match(KNOWN[DAY_FIRST], cell)
     assert match
     places = [(name, match.span(name)) for name in "YyHMSfp" if match[name]]
@@ -89,6 +100,8 @@ def both_formats(cell: str) -> tuple[str, str]:
     for name, (begin, end) in sorted(places, key=lambda place: place[1], reverse=True):
         form = f"{form[:begin]}%{'I' if name == 'H' and match['p'] else name}{form[end:]}"
     rest = form[match.end("m") :]
+    if int(match["d"]) > 12:
+        return f"%d/%m{rest}", f"%y/%m/%d{rest.removeprefix('/%y')}"
     return f"%d/%m{rest}", f"%m/%d{rest}"
 
 

@@ -13,28 +13,48 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import TimeSpec
-from ingest.formats._csv_clocks import UNITS_NS, Clock, Counted, Rate, Stamped
+from ingest.formats import EPOCH, TimeSpec, utc_ns
+from ingest.formats._csv_clocks import (
+    UNITS_NS,
+    WRAP,
+    Clock,
+    Counted,
+    OfDay,
+    Rate,
+    Serial,
+    Stamped,
+    seconds_of_day,
+    wraps_of,
+)
 from ingest.formats._csv_dialect import Dialect
 from ingest.formats._csv_numbers import MISSING
 from ingest.formats._csv_stamps import (
     CLOCK_ALONE,
     DATE_ALONE,
     DAY_FIRST,
+    DAY_NS,
+    DIGITS_ALONE,
     KNOWN,
     KNOWN_MONTH_FIRST,
     MONTH_FIRST,
+    SECOND_NS,
     LocalClock,
     both_formats,
     day_first,
     fits,
     pattern_of,
+    year_may_be_first,
 )
 from ingest.texts.nearest import hint
 
 TIME_NAMES = frozenset(
-    ("time", "times", "timestamp", "timestampepoch", "epoch", "unixtime", "datetime", "elapsed", "elapsedtime")
-) | frozenset(("zeit", "zeitstempel", "datumzeit", "tempo", "dataora", "dataeora"))
+    ("time", "times", "timestamp", "timestampepoch", "epoch", "unixtime", "datetime", "elapsed", "elapsedtime", "ts")
+) | frozenset(("zeit", "zeitstempel", "datumzeit", "uhrzeit", "tempo", "dataora", "dataeora"))
+COUNTERS = {"millis": ("time", "ms"), "micros": ("time", "us")}  # as small controllers call their clocks
+DATE_WORDS = frozenset(("date", "datetime", "datum", "data"))
+MILLIS_NAMES = frozenset(("ms", "msec", "millisecond", "milliseconds", "millisekunde", "millisekunden"))
+SERIAL_D, SERIAL_NS = (36526.0, 73050.0), utc_ns(EPOCH.replace(year=1899, month=12, day=30))  # days of 2000 to 2099
+SERIAL_STEP_D = 1e-3  # numbers so large that go on by less are no seconds: a thousand rows in each
 EPOCH_NS = (1e18, 4e18)  # a column of numbers between these [ns] counts from 1970: years 2001 to 2096
 LOOSE_NS = 2_000_000_000  # stamps of whole seconds and what counts beside them: apart by this at most
 NO_RECORD = np.empty(0, np.int64)  # stamps need none
@@ -87,7 +107,7 @@ def _found(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
         dated = next((clock for clock in clocks if clock.absolute), clocks[0])
         return clocks[0] if clocks[0].absolute else _dated(clocks[0], dated, dialect)
     for column in dialect.names:
-        if clock := _stamped(time, column, dialect):
+        if clock := _stamped(time, column, dialect) or _of_dates(time, column, dialect):
             return clock
     if clock := _of_two(time, _known(time), dialect):
         return clock
@@ -95,6 +115,9 @@ def _found(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
         return Rate(says="rows without a time", absolute=False, rate_hz=1.0, origin_ns=0)
     if asked := _asked(dialect):
         raise UnreadableLogError(f"{log}: {asked}")
+    for column in [*named, *dialect.names]:
+        if clock := _of_day(time, column, dialect):
+            return clock
     texts = [name for name in named if dialect.numeric[dialect.names.index(name)] is False]
     seen = next((cell for name in texts for cell in _cells(dialect, name) if cell not in MISSING), None)
     holds = f' ("{texts[0]}" holds "{seen[:40]}", which is no whole stamp)' if seen is not None else ""
@@ -106,8 +129,8 @@ def _found(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
 
 def _of_named(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
     """The clock of a column that is called as times are; None for numbers that do not go on as time does."""
-    number = dialect.numeric[dialect.names.index(column)] is True
-    return None if number and not rises(np.array(_numbers(dialect, column))) else _by_content(time, column, dialect)
+    counts = np.array(_numbers(dialect, column)) if _is_number(dialect, column) else None
+    return _by_content(time, column, dialect) if counts is None or rises(counts + wraps_of(counts) * WRAP) else None
 
 
 def _dated(counted: Clock, dated: Clock, dialect: Dialect) -> Clock:
@@ -115,7 +138,7 @@ def _dated(counted: Clock, dated: Clock, dialect: Dialect) -> Clock:
     before it; else what counts, from the date of the first row, where both go on alike; else what counts alone."""
     if not dated.absolute or not isinstance(counted, Counted):
         return counted
-    (since, bad), (t_ns, none) = (one.t_ns(_time_cells(one, dialect), NO_RECORD) for one in (counted, dated))
+    (since, bad), (t_ns, none) = (replace(one).t_ns(_time_cells(one, dialect), NO_RECORD) for one in (counted, dated))
     since, t_ns = since[~(bad | none)], t_ns[~(bad | none)]
     if len(t_ns) > 1 and (np.diff(t_ns) > 0).all():
         return dated
@@ -127,15 +150,15 @@ def _dated(counted: Clock, dated: Clock, dialect: Dialect) -> Clock:
 
 def _time_cells(clock: Clock, dialect: Dialect) -> NDArray[Any]:
     """The cells of a clock's column in the sample, as it wants them."""
-    cells = _cells(dialect, clock.columns[0])
     if clock.is_text:
-        return np.array(cells, object)
+        return clock.cells([np.array(_cells(dialect, name), object) for name in clock.columns])
+    cells = _cells(dialect, clock.columns[0])
     return np.array([np.nan if (one := dialect.numerals.value(cell)) is None else one for cell in cells])
 
 
 def _by_content(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
     """Numbers counted from the start or from 1970, or stamps of a known form; None for anything else."""
-    if dialect.numeric[dialect.names.index(column)] is not True:
+    if not _is_number(dialect, column) or (time.unit is None and _fits(DIGITS_ALONE, dialect, column)):
         return None if time.unit else _stamped(time, column, dialect)
     unit = time.unit or base_and_unit(column)[1] or dialect.units.get(column)
     candidates = [unit] if unit in UNITS_NS else ["s", "ms", "us", "ns"]
@@ -144,6 +167,8 @@ def _by_content(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
         if EPOCH_NS[0] <= middle <= EPOCH_NS[1]:
             says = f"{candidate} since 1970"
             return Counted(says=says, absolute=True, columns=(column,), unit_ns=UNITS_NS[candidate], step_ns=1000)
+    if unit is None and (clock := _serial(time, column, dialect)):
+        return clock
     says, start, unit_ns = f"{candidates[0]} from the start", time.start_ns, UNITS_NS[candidates[0]]
     return Counted(says=says, absolute=start is not None, columns=(column,), unit_ns=unit_ns, origin_ns=start or 0)
 
@@ -154,16 +179,48 @@ def _stamped(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
     return _of_cells(time, _known(time), (column,), dialect)
 
 
+def _is_number(dialect: Dialect, column: str) -> bool:
+    return dialect.numeric[dialect.names.index(column)] is True
+
+
+def _serial(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
+    """The clock of dates as spreadsheets store them; None where numbers are none, or may be seconds as well."""
+    days = np.array(_numbers(dialect, column)) if _is_number(dialect, column) else np.empty(0)
+    if len(days) < 2 or not rises(days) or not ((days >= SERIAL_D[0]) & (days < SERIAL_D[1])).all():
+        return None
+    if np.median(np.diff(days)) >= SERIAL_STEP_D and not DATE_WORDS.intersection(words(column)):
+        return None
+    says, local = f"days since 1899-12-30 in {time.zone}", LocalClock(time.local)
+    return Serial(
+        says=says, absolute=True, columns=(column,), unit_ns=DAY_NS, origin_ns=SERIAL_NS, step_ns=1000, local=local
+    )
+
+
+def _of_dates(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
+    """The clock of a column of numbers that is called as dates are."""
+    return _serial(time, column, dialect) if DATE_WORDS.intersection(words(column)) else None
+
+
+def _of_day(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
+    """The clock of a column of times of day, which count from a midnight that nothing dates."""
+    said = [cell for cell in _cells(dialect, column) if cell not in MISSING]
+    if not said or sum(isnan(seconds_of_day(cell)) for cell in said) * 2 >= len(said):
+        return None
+    start = time.start_ns
+    return OfDay(says="time of day", absolute=start is not None, columns=(column,), origin_ns=start or 0)
+
+
 def _asked(dialect: Dialect) -> str | None:
     """What to say in the bench file where dates may begin with the day or with the month; None without such dates."""
     columns: list[tuple[str, ...]] = [(name,) for name in dialect.names if _fits(KNOWN[DAY_FIRST], dialect, name)]
     for names in [*columns, *_pairs(dialect)]:
         cell = next(_said(dialect.sample, names, dialect), "")
         if re.match(KNOWN[DAY_FIRST], cell):
-            day, month = both_formats(cell)
+            day, other = both_formats(cell)
+            tells = "year" if other.startswith("%y") else "month, and no row has a day above 12"
             return (
-                f'"{" + ".join(names)}" holds "{cell}", which may begin with the day or with the month, and no '
-                f'row has a day above 12. Under [time] of the bench file say format = "{day}" or format = "{month}".'
+                f'"{" + ".join(names)}" holds "{cell}", which may begin with the day or with the {tells}. '
+                f'Under [time] of the bench file say format = "{day}" or format = "{other}".'
             )
     return None
 
@@ -176,8 +233,8 @@ def _known(time: TimeSpec) -> dict[str, str]:
 def _of_two(time: TimeSpec, patterns: Mapping[str, str], dialect: Dialect) -> Clock | None:
     """The clock of a table with a column of dates and one of times of day; None where there are no such two."""
     for pair in _pairs(dialect):
-        stamps = joined(*(np.array(_cells(dialect, name), object) for name in pair))
-        if (found := _of_cells(time, patterns, pair, dialect)) and not found.t_ns(stamps, NO_RECORD)[1].all():
+        found = _of_cells(time, patterns, pair, dialect)
+        if found and not found.t_ns(_time_cells(found, dialect), NO_RECORD)[1].all():
             return found  # 24.12.25 has the form of a time of day, and 08.00.00 that of a date
     return None
 
@@ -199,18 +256,33 @@ def _of_cells(time: TimeSpec, patterns: Mapping[str, str], columns: tuple[str, .
             return None
         if not order:
             says, pattern = says.replace(DAY_FIRST, MONTH_FIRST), KNOWN_MONTH_FIRST
-    local = LocalClock(time.local)
-    return Stamped(says=says, absolute=True, columns=columns, pattern=pattern, local=local) if pattern else None
+    if not pattern:
+        return None
+    clock = Stamped(says=says, absolute=True, columns=columns, pattern=pattern, local=LocalClock(time.local))
+    return _with_millis(clock, dialect)
+
+
+def _with_millis(clock: Stamped, dialect: Dialect) -> Clock:
+    """The clock with the milliseconds that a column of its own holds, where its stamps are of whole seconds."""
+    column = next((name for name in dialect.names if name.casefold() in MILLIS_NAMES), None)
+    if column is None or not all(0 <= ms < 1000 and ms == int(ms) for ms in _numbers(dialect, column)):
+        return clock
+    t_ns, bad = replace(clock, local=replace(clock.local)).t_ns(_time_cells(clock, dialect), NO_RECORD)
+    if (t_ns[~bad] % SECOND_NS).any():
+        return clock
+    return replace(clock, columns=(*clock.columns, column), millis=True)
 
 
 def _is_day_first(said: list[str], columns: tuple[str, ...], dialect: Dialect) -> bool | None:
     """Whether dates begin with the day: 24/12 does wherever it stands in the table, 05/06 in one with decimal commas or
-    semicolons. None where nothing tells."""
+    semicolons. None where nothing tells; 25/03/17 may begin with the year in any other table."""
     told = day_first(said)
     if told is None:
         told = day_first(_said(dialect.rows(), columns, dialect))
     european = (dialect.numerals.decimal == "," or dialect.delimiter == ";") and not said[0].upper().endswith("M")
-    return told if told is not None else european or None
+    if european:
+        return told is not False
+    return None if told and year_may_be_first(said) else told
 
 
 def _said(rows: Iterable[Sequence[str]], columns: tuple[str, ...], dialect: Dialect) -> Iterator[str]:
@@ -219,11 +291,6 @@ def _said(rows: Iterable[Sequence[str]], columns: tuple[str, ...], dialect: Dial
     for row in rows:
         if len(row) == len(dialect.names) and (cell := " ".join(row[i].strip() for i in places)).strip() not in MISSING:
             yield cell
-
-
-def joined(day: NDArray[Any], clock: NDArray[Any]) -> NDArray[np.object_]:
-    """Cells of two columns as one stamp each (N,)."""
-    return np.array([f"{one} {other}" for one, other in zip(day, clock, strict=True)], object)
 
 
 def _cells(dialect: Dialect, column: str) -> list[str]:
@@ -259,6 +326,8 @@ def base_and_unit(name: str) -> tuple[str, str | None]:
     """The name of a column and the unit in it: ("time", "s") of `Time [s]`, `time_s` and `Time in s`; `time_utc` is
     called ("time", None)."""
     said = [word for word in words(name) if word not in ("in", "utc")]
+    if "".join(said) in COUNTERS:
+        return COUNTERS["".join(said)]
     unit = said.pop() if len(said) > 1 and said[-1] in UNITS_NS else None
     return "".join(said), unit
 

@@ -99,11 +99,16 @@ def _place(tables: Sequence[OwnTimes]) -> int:
     Records of several tables with one stamp are one row. Those of a table keep their order: one whose stamp steps back
     stays behind the latest before it, and the second with one stamp has a row of its own.
     """
-    if not tables:
-        return 0
+    if len(tables) < 2:
+        for table in tables:
+            table.row = np.arange(len(table.t_ns))
+        return sum(len(table.t_ns) for table in tables)
     whole = np.concatenate([_keys(number, table) for number, table in enumerate(tables)], axis=1)
     order = np.lexsort(whole[::-1])
-    again = np.concatenate([[True], (np.diff(whole[:, order], axis=1) != 0).any(axis=0)])
+    again = np.zeros(len(order), np.bool_)
+    again[:1] = True
+    for key in whole:  # one after another: memory holds one of them twice, not all
+        again[1:] |= np.diff(key[order]) != 0
     row = np.empty(len(order), np.int64)
     row[order] = np.cumsum(again) - 1
     ends = np.cumsum([len(table.t_ns) for table in tables])

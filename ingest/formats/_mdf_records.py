@@ -22,6 +22,7 @@ OPEN_LENGTH, OPEN_OFFSETS = 1 << 2, 1 << 6  # of a file that was not finalised: 
 PLAIN_MARKS = (b"##DT", b"##SD")
 
 Bytes = NDArray[np.uint8]
+Octets = bytes | bytearray
 
 
 class Piece(NamedTuple):
@@ -76,7 +77,7 @@ class Mdf(MdfBlocks):
             return replace(found, ended=f"holds {lacking:,} records fewer than it says")
         return found
 
-    def _sorted(self, groups: tuple[MdfGroup, ...], data: bytes, ended: str | None) -> Records:
+    def _sorted(self, groups: tuple[MdfGroup, ...], data: Octets, ended: str | None) -> Records:
         """Records of one kind; what stands behind those that a finalised file says it has is none."""
         (group,) = groups
         count = len(data) // group.size if group.size else 0
@@ -87,16 +88,17 @@ class Mdf(MdfBlocks):
         table = np.frombuffer(data, np.uint8, count * group.size).reshape(count, group.size)
         return Records(groups, {group.at: table}, {}, ended)
 
-    def values(self, at: int) -> tuple[bytes, str | None, list[Piece]]:
+    def values(self, at: int) -> tuple[Octets, str | None, list[Piece]]:
         """The bytes in the data blocks that begin at `at`, why they are not whole, and where they stand."""
-        found, ended, pieces = bytearray(), None, list[Piece]()
+        found: Octets = b""
+        ended, pieces = None, list[Piece]()
         try:
             for place, packed, data in self._pieces(at):
                 pieces.append(Piece(len(found), place, packed))
-                found += data
+                found = _longer(found, data)
         except BrokenBlock as broken:
             ended = str(broken)
-        return bytes(found), ended, pieces
+        return found, ended, pieces
 
     def _pieces(self, at: int) -> Iterator[tuple[int, bool, bytes]]:
         """(byte of the file, whether a packed block stands there, bytes) of each block."""
@@ -143,7 +145,16 @@ class Mdf(MdfBlocks):
         return _upright(data, columns) if method else data
 
 
-def gathered(values: bytes, offsets: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _longer(found: Octets, data: bytes) -> Octets:
+    """`found` with `data` behind it; what stands first is not copied before more comes."""
+    if not found:
+        return data
+    whole = found if isinstance(found, bytearray) else bytearray(found)
+    whole += data
+    return whole
+
+
+def gathered(values: Octets, offsets: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """(starts, lengths) in `values` of those of variable length at `offsets` (N,); length -1 where there is none."""
     octets = np.frombuffer(values, np.uint8)
     fine = (offsets >= 0) & (offsets <= len(octets) - LENGTH.size)
@@ -155,11 +166,11 @@ def gathered(values: bytes, offsets: NDArray[np.int64]) -> tuple[NDArray[np.int6
     return starts, lengths
 
 
-def unsorted_records(groups: tuple[MdfGroup, ...], data: bytes, id_size: int, ended: str | None) -> Records:
+def unsorted_records(groups: tuple[MdfGroup, ...], data: Octets, id_size: int, ended: str | None) -> Records:
     """Records of several kinds, each with the number of its kind before it."""
     sizes = {group.record_id: None if group.flags & VLSD_GROUP else group.size for group in groups}
     starts: dict[int, list[int]] = {group.record_id: [] for group in groups}
-    pieces: dict[int, list[bytes]] = {group.record_id: [] for group in groups}
+    pieces: dict[int, list[Octets]] = {group.record_id: [] for group in groups}
     at, end = 0, len(data)
     while at + id_size <= end:
         kind = int.from_bytes(data[at : at + id_size], "little")

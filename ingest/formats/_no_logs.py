@@ -8,6 +8,7 @@ from pathlib import Path
 
 # what a file begins with -> what it is; and what to do, as the program that wrote it calls that
 NO_LOGS: Mapping[bytes, str] = {
+    rb"(?:[\t\r\n -~]\0){4}|(?:\0[\t\r\n -~]){4}": "text in UTF-16 without its mark. Save it in UTF-8",
     rb"%PDF": "a PDF document. Export the table that is in it as CSV",
     rb"\xd0\xcf\x11\xe0": (
         "an old Office file, or one with a password. Save it as XLSX without a password (Excel: File, Info, Protect "
@@ -27,7 +28,6 @@ NO_LOGS: Mapping[bytes, str] = {
     rb"\|CF,": "a file of imc FAMOS. Export the channels there as MDF4, or as CSV",
     rb"DIAEXTENDED": "a DAT header of DIAdem. Save the data as TDMS there (File, Save as)",
     rb"<\?xml.*<usi:tdm": "the header of a TDM file of DIAdem. Save the data as TDMS there (File, Save as)",
-    rb"<\?xml.*<atfx_file": "ATFX of an ASAM ODS server. Export the measurement as MDF4 or CSV in what wrote it",
     rb" {4}-1\r?\n {4,5}\d": "a universal file (UFF). Export the channels as CSV or MDF4 in what wrote it",
     rb"PARE": "an encrypted Parquet file. Export it without encryption",
     rb"FEA1": "a Feather file of version 1. Export it as version 2, or as Parquet (pandas: to_parquet)",

@@ -33,7 +33,7 @@ class TextFile:
     def blocks(self) -> Iterator[bytes]:
         """Whole lines with their line feeds; only the last line of the file may lack it."""
         rest = b""
-        for piece in self._plain():
+        for piece in self._in_lines():
             lines, feed, tail = piece.rpartition(b"\n")
             if feed:
                 yield rest + lines + feed
@@ -46,6 +46,14 @@ class TextFile:
         self.open_line = bool(rest)
         if rest:
             yield rest
+
+    def _in_lines(self) -> Iterator[bytes]:
+        """The pieces, a line feed at the end of each line, as "CSV (Macintosh)" of Excel has none."""
+        pieces = self._plain()
+        first = next(pieces, b"")
+        old = b"\r" in first and b"\n" not in first
+        for piece in chain([first] if first else [], pieces):
+            yield piece.replace(b"\r", b"\n") if old else piece
 
     def _plain(self) -> Iterator[bytes]:
         """The pieces of the file; of one in UTF-16 as UTF-8."""

@@ -1,9 +1,11 @@
-"""candump: what `candump -l` of Linux' can-utils writes, packed with gzip or not.
+"""candump: what `candump -l` of Linux' can-utils writes, or `candump -ta` shows, packed with gzip or not.
 
 `(1436509052.249713) vcan0 044#2A366C2BBA` is a frame; `##` marks CAN FD, `#R` a remote frame, and ` T` at the end one
 that was sent. The number at the end of a bus's name is its number, `can1` is bus 1; a name without one, or with that of
 another name, gets the least from 100 on that is free (`settings["buses"]`). A line does not say how long its frame is:
-a last line without its line feed is rejected. Described in https://github.com/linux-can/can-utils, lib.h.
+a last line without its line feed is rejected. Shown, the same frame is ` (1436509052.249713)  vcan0  044   [5]  2A 36
+6C 2B BA`, with two digits for the length of one of CAN FD (`[05]`), and `RX - -` before its identifier where -x asked
+for it. Described in https://github.com/linux-can/can-utils, lib.h.
 """
 
 from __future__ import annotations
@@ -19,13 +21,20 @@ from ingest.formats._frame_lines import (
     LONGEST_FD,
     FrameLines,
     OneFrame,
+    counted,
     frame_of,
     identifier,
     nanoseconds,
+    octets,
 )
 
 LINE = re.compile(
     r"\((\d{1,12}\.\d{1,9})\)\s+(\S+)\s+([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#(\S*)(?:\s+([RT]))?", re.ASCII | re.IGNORECASE
+)
+SHOWN_LINE = re.compile(
+    r"\((\d{1,12}\.\d{1,9})\)\s+(\S+)\s+(?:([RT])X \S \S\s+)?([0-9A-F]{3}|[0-9A-F]{8})\s+\[(\d{1,2})\]"
+    r"(?:\s+(remote request|ERRORFRAME|(?:[0-9A-F]{2}(?: |$))*).*)?",
+    re.ASCII,
 )
 XL_LINE = re.compile(r"\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,5}#[0-9A-Fa-f]{2}:")
 NUMBER_AT_END = re.compile(r"\d{1,3}$")
@@ -38,7 +47,7 @@ FIRST_UNSAID = 100  # number of a bus whose name says none
 class CandumpLog(FrameLines):
     """A log of candump."""
 
-    called = "a log of candump -l"
+    called = "a log of candump"
     tells_length = False
     _buses: dict[str, int] = field(default_factory=dict)
 
@@ -46,6 +55,8 @@ class CandumpLog(FrameLines):
         """See `FrameLines.parse`."""
         if line.startswith("#"):
             return None
+        if shown := SHOWN_LINE.fullmatch(line):
+            return self._shown(shown)
         match = LINE.fullmatch(line)
         if match is None:
             return "is a CAN XL frame" if XL_LINE.match(line) else "is no line of a candump log"
@@ -56,6 +67,17 @@ class CandumpLog(FrameLines):
         flags, data = _payload(body)
         flags |= TRANSMIT if way in ("T", "t") else 0
         return frame_of(nanoseconds(stamp), self._bus(name), identifier(number, extended), flags, data)
+
+    def _shown(self, match: re.Match[str]) -> OneFrame | str:
+        stamp, bus, way, digits, count, body = match.groups()
+        number, extended = int(digits, 16), len(digits) == EXTENDED_DIGITS
+        if extended and number & ERROR_BIT:
+            return ERROR_FRAME
+        flags = (FD if len(count) > 1 else 0) | (TRANSMIT if way == "T" else 0)
+        data: bytes | str = counted(octets(body or ""), int(count))
+        if body == "remote request":
+            flags, data = flags | REMOTE, b""
+        return frame_of(nanoseconds(stamp), self._bus(bus), identifier(number, extended), flags, data)
 
     def _bus(self, name: str) -> int:
         if name not in self._buses:

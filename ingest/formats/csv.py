@@ -3,11 +3,12 @@
 Delimiter, decimal sign, encoding (UTF-8, UTF-16 with its mark, else cp1252), a row of units and the time are recognised
 from the first 200 rows and stored in `settings`; so are lines that a logger wrote above the header. Dates such as
 5/6/2025 have their order from a day above 12 anywhere in the table. A line is a row: a quoted cell does not go on in
-the next. Blank lines are no rows. `columns` are those of the header without the one (or two: date, time of day) that
-holds the time; an empty name becomes `column_<place>`, a second `T` becomes `T_2` (`settings["renamed"]`). A row with
-too few or too many fields, with text where its column holds numbers, or without a time is rejected; a row whose time
-goes back is kept and counted. In a local zone, the hour that comes twice in autumn counts as the first until its stamps
-go back, then as the second (`settings["ambiguous_rows"]`), and a time in the hour that spring leaves out is none.
+the next, but for names in the header. Blank lines, comments (`#`) and the header again are no rows. `columns` are those
+of the header without the one (or several: date, time of day, milliseconds) that holds the time; an empty name becomes
+`column_<place>`, a second `T` becomes `T_2` (`settings["renamed"]`). A row with too few or too many fields, with text
+where its column holds numbers, or without a time is rejected; a row whose time goes back is kept and counted. In a
+local zone, the hour that comes twice in autumn counts as the first until its stamps go back, then as the second
+(`settings["ambiguous_rows"]`), and a time in the hour that spring leaves out is none.
 """
 
 from __future__ import annotations
@@ -25,11 +26,20 @@ from numpy.typing import NDArray
 from ingest.errors import UnreadableLogError
 from ingest.formats import Log, Rejected, Rows
 from ingest.formats._csv_clocks import Clock
-from ingest.formats._csv_dialect import SAMPLE_ROWS, Dialect, cells, holds_table, recognise_dialect
+from ingest.formats._csv_dialect import (
+    BLANKS,
+    SAMPLE_ROWS,
+    Dialect,
+    cells,
+    header_in_one_line,
+    holds_table,
+    recognise_dialect,
+)
 from ingest.formats._csv_numbers import MISSING
-from ingest.formats._csv_time import joined, recognise_clock
+from ingest.formats._csv_time import recognise_clock
 from ingest.formats._text import TextFile, place_of
 
+BLANK = " \r"
 SINGLY = 64  # rows that are read one by one where they cannot be read together
 SHOWN = 64  # first bytes of a rejected row, or of a line above the header
 ABOVE = 20  # lines above the header that are kept as they stand
@@ -52,7 +62,9 @@ class CsvLog(Log):
     _dialect: Dialect = field(init=False)
     _clock: Clock = field(init=False)
     _numeric: tuple[bool, ...] = ()
+    _header: str = ""  # its line: where it stands again it is no row
     _lines: int = 0  # that were read
+    _left: int = 0  # lines below the header that are comments, or the header again
     _back: int = 0  # steps of time that go back
     _last_ns: int | None = None
 
@@ -65,6 +77,7 @@ class CsvLog(Log):
                 self.settings["encoding"] = "utf-16"
             lines = self._decoded(block, first=number == 0).split("\n")
             lines = lines[:-1] if not lines[-1] else lines
+            lines = header_in_one_line(lines) if number == 0 else lines
             begin = self._begin(lines) if number == 0 else 0
             self._lines += begin
             yield from self._rows(lines[begin:], cut=text.open_line and text.ended is not None)
@@ -102,6 +115,7 @@ class CsvLog(Log):
             )
         dialect = recognise_dialect([lines[place] for place in written], self.path.name)
         begin = written[dialect.above + dialect.units_row] + 1
+        self._header = lines[written[dialect.above]]
         self._dialect = dialect = replace(dialect, rows=lambda: self._all_rows(begin))
         self._clock = recognise_clock(self.time, dialect, self.path.name)
         self._numeric = self._kinds()
@@ -146,7 +160,10 @@ class CsvLog(Log):
 
     def _rows(self, lines: list[str], *, cut: bool) -> Iterator[Rows]:
         """The rows of consecutive lines. `cut`: the last one is not whole."""
-        written = np.array([_is_row(line) for line in lines], bool)
+        written = np.array([line.strip(BLANK) != "" for line in lines], bool)
+        no_rows = self._no_rows(lines)
+        written[no_rows] = False
+        self._left += len(no_rows)
         record = self.found + np.cumsum(written) - 1
         self.found += int(written.sum())
         at = np.flatnonzero(written)
@@ -167,6 +184,15 @@ class CsvLog(Log):
         for place, (column, why) in sorted(bad.items()):
             where = f"{self.line} {self._lines + place + 1:,}" + (f", column {column}" if column else "")
             self.rejected.append(Rejected(int(record[place]), where, why, lines[place].encode()[:SHOWN]))
+
+    def _no_rows(self, lines: list[str]) -> list[int]:
+        """Places of comments, and of the header again, which loggers write when they are started anew."""
+        width = len(self._dialect.names)
+        marked = [place for place, line in enumerate(lines) if line[:1] == "#"]
+        found = [place for place in marked if len(cells(lines[place], self._dialect.delimiter)) != width]
+        if self._header in lines:
+            found += [place for place, line in enumerate(lines) if line == self._header]
+        return found
 
     def _place(self, line: int) -> str:
         """Where a line (from 1) stands in the file."""
@@ -192,10 +218,15 @@ class CsvLog(Log):
         number = pa.string() if numerals.group else pa.float64()
         kinds = dict(zip(names, (number if kind else pa.string() for kind in self._numeric), strict=True))
         try:
+            if self._dialect.delimiter == BLANKS:
+                lines = ["\t".join(line.split()) for line in lines]
             table = pa.csv.read_csv(
                 pa.BufferReader("\n".join(lines).encode()),
                 pa.csv.ReadOptions(use_threads=False, column_names=names, block_size=1 << 30),
-                pa.csv.ParseOptions(delimiter=self._dialect.delimiter, newlines_in_values=False),
+                pa.csv.ParseOptions(
+                    delimiter="\t" if self._dialect.delimiter == BLANKS else self._dialect.delimiter,
+                    newlines_in_values=False,
+                ),
                 pa.csv.ConvertOptions(
                     column_types=kinds,
                     null_values=sorted(MISSING),
@@ -211,7 +242,7 @@ class CsvLog(Log):
             values = numerals.values(table[name].combine_chunks()) if grouped else table[name].to_numpy()
             if values is None or (kind and np.isinf(values).any()):
                 return None
-            columns.append(values)
+            columns.append(numerals.read(values) if kind else values)
         return None if table.num_rows != len(lines) else tuple(columns)
 
     def _singly(self, lines: list[str], places: list[int], bad: dict[int, tuple[str, str]]) -> Iterator[_Part]:
@@ -244,8 +275,8 @@ class CsvLog(Log):
     # ---- time and end ----------------------------------------------------------------------------------------------
 
     def _time_cells(self, part: _Part) -> NDArray[Any]:
-        first, *second = [part.columns[self._dialect.names.index(name)] for name in self._clock.columns] or [part.line]
-        return joined(first, second[0]) if second else first
+        columns = [part.columns[self._dialect.names.index(name)] for name in self._clock.columns]
+        return self._clock.cells(columns) if columns else part.line
 
     def _no_time(self, part: _Part, index: int) -> tuple[str, str]:
         cell = self._time_cells(part)[index]
@@ -261,6 +292,8 @@ class CsvLog(Log):
 
     def _finish(self, text: TextFile) -> None:
         self.settings.update(gz=text.packed, backward_steps=self._back, **self._clock.counted())
+        if self._left:
+            self.settings["lines_of_no_row"] = self._left
         for name in self.unsaid:
             self.settings.pop(name, None)
         ended = text.ended
@@ -273,13 +306,13 @@ class CsvLog(Log):
 def is_table(path: Path) -> bool:
     """Whether a text begins as a table does: with a header and rows that hold numbers."""
     block = next(TextFile(path).blocks(), b"")
-    lines = block.decode("utf-8-sig", errors="replace").replace("\r\n", "\n").split("\n")
+    lines = header_in_one_line(block.decode("utf-8-sig", errors="replace").replace("\r\n", "\n").split("\n"))
     return holds_table([line for line in lines if _is_row(line)][: 2 * SAMPLE_ROWS])
 
 
 def _is_row(line: str) -> bool:
     """Whether a line is a row: a blank one is not, one of tabs alone is a row of empty cells."""
-    return bool(line.strip(" \r"))
+    return line.strip(BLANK) != ""
 
 
 def _joined(parts: list[_Part]) -> Iterator[_Part]:

@@ -28,6 +28,7 @@ from ingest.formats._mdf_values import TEXTS, TIMES, VIRTUAL, invalid, stored, v
 
 TIME = 1  # what a master stands for
 FIXED = (0, 2)  # kinds of a channel that lies in its record
+TOGETHER = 1 << 20  # records whose stamps are made at once: memory holds little beside the file
 SHOWN = 64  # first bytes of a rejected record
 FARTHEST_S = 1e9  # after the start
 SINCE_1970_S = (1e9, 4e9)  # stamps of the years 2001 to 2096: some writers give them in place of times since the start
@@ -101,7 +102,9 @@ class MdfTables(MdfLog, JoinedTables):
         seconds = np.full(len(records), np.nan)
         if clock is not None:
             try:
-                seconds = np.where(invalid(records, clock), np.nan, values(records, clock).astype(np.float64))
+                for at in range(0, len(records), TOGETHER):
+                    some = records[at : at + TOGETHER]
+                    seconds[at : at + TOGETHER] = np.where(invalid(some, clock), np.nan, values(some, clock, at))
             except BrokenBlock as broken:
                 self._problems.append(str(broken))
         t_ns, bad = self._stamps(seconds)
@@ -123,16 +126,21 @@ class MdfTables(MdfLog, JoinedTables):
 
     def _stamps(self, seconds: NDArray[np.float64]) -> tuple[Ints, Flags]:
         """(t_ns, whether there is none) of each record (N,). Seconds of a year that logs are from count from 1970."""
-        known = np.isfinite(seconds)
-        since_1970 = known.any() and bool(SINCE_1970_S[0] <= np.median(seconds[known]) <= SINCE_1970_S[1])
+        known = seconds[np.isfinite(seconds)]
+        since_1970 = bool(len(known) and SINCE_1970_S[0] <= np.median(known) <= SINCE_1970_S[1])
+        del known
         if since_1970:
             self.absolute = True
             self.settings["time"] = "s since 1970"
-        bad = ~(np.abs(seconds) < (SINCE_1970_S[1] if since_1970 else FARTHEST_S))
-        some = np.where(bad, 0.0, seconds)
-        since = np.rint(some * 1e6).astype(np.int64) * 1000 if since_1970 else np.rint(some * 1e9).astype(np.int64)
-        t_ns = since + (0 if since_1970 else self._start_ns)
-        return t_ns, bad | (t_ns < 0) | (t_ns >= LATE_NS)
+        t_ns, bad = np.empty(len(seconds), np.int64), np.empty(len(seconds), np.bool_)
+        for at in range(0, len(seconds), TOGETHER):
+            part = slice(at, at + TOGETHER)
+            bad[part] = ~(np.abs(seconds[part]) < (SINCE_1970_S[1] if since_1970 else FARTHEST_S))
+            some = np.where(bad[part], 0.0, seconds[part])
+            since = np.rint(some * 1e6).astype(np.int64) * 1000 if since_1970 else np.rint(some * 1e9).astype(np.int64)
+            t_ns[part] = since + (0 if since_1970 else self._start_ns)
+            bad[part] |= (t_ns[part] < 0) | (t_ns[part] >= LATE_NS)
+        return t_ns, bad
 
 
 def _cells(

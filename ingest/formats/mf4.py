@@ -35,7 +35,7 @@ from ingest.formats._frame_lines import (
 )
 from ingest.formats._mdf_blocks import Block, BrokenBlock, MdfChannel, MdfGroup
 from ingest.formats._mdf_log import HEADER_AT, MdfLog
-from ingest.formats._mdf_records import LENGTH, OPEN_OFFSETS, Mdf, Records, gathered
+from ingest.formats._mdf_records import LENGTH, OPEN_OFFSETS, Mdf, Octets, Records, gathered
 from ingest.formats._mdf_values import TEXTS, TIMES, VIRTUAL, values
 
 EXTENDED_BIT = 31  # of an identifier of 32 bits
@@ -227,7 +227,7 @@ def _payload(
     if channel.kind != VARIABLE:
         held = min(channel.bits // 8, max(0, size - channel.byte))
         return table.reshape(-1), np.arange(count) * size + channel.byte, np.full(count, held)
-    apart = records.values.get(channel.values_at)
+    apart: Octets | None = records.values.get(channel.values_at)
     if apart is None:
         apart = mdf.values(channel.values_at)[0] if channel.values_at else b""
     offsets = _integers(table, channel)
@@ -237,7 +237,7 @@ def _payload(
     return np.frombuffer(apart, np.uint8), starts, lengths
 
 
-def _in_turn(values: bytes, count: int) -> Ints:
+def _in_turn(values: Octets, count: int) -> Ints:
     """Where `count` values of variable length begin that follow each other."""
     offsets, at = np.full(count, len(values), np.int64), 0
     for i in range(count):

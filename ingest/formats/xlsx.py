@@ -95,13 +95,18 @@ class XlsxLog(CsvLog):
     def _open(self) -> None:
         calamine = _library(self.path.name)
         _check_size(self)
+        filled, stated = list[str](), self.time.sheet
+        name, self._sheet = None, None
         try:
             book = calamine.load_workbook(str(self.path))
-            sheets = {name: book.get_sheet_by_name(name) for name in book.sheet_names}
+            for one in book.sheet_names:  # memory holds all cells of a sheet: of two at once at most
+                sheet = book.get_sheet_by_name(one)
+                if sheet.height:
+                    filled.append(one)
+                    if one == stated or (stated is None and name is None and self._is_table(sheet)):
+                        name, self._sheet = one, sheet
         except DAMAGE as error:
             raise _damaged(self, error) from None
-        filled = {name: sheet for name, sheet in sheets.items() if sheet.height}
-        stated = self.time.sheet
         if stated is not None and stated not in filled:
             raise UnreadableLogError(
                 f'{self.path.name}: sheet = "{stated}" under [time] of the bench file is no sheet with cells.'
@@ -109,11 +114,11 @@ class XlsxLog(CsvLog):
             )
         if not filled:
             raise UnreadableLogError(f"{self.path.name}: no sheet of it holds a cell: nothing to read. Save it again.")
-        name = stated or next((name for name, sheet in filled.items() if self._is_table(sheet)), next(iter(filled)))
-        self._sheet = filled.pop(name)
+        if name is None:
+            name, self._sheet = filled[0], book.get_sheet_by_name(filled[0])
         self.settings["sheet"] = name
-        if filled:
-            self.settings["other_sheets"] = list(filled)
+        if others := [one for one in filled if one != name]:
+            self.settings["other_sheets"] = others
 
     def _is_table(self, sheet: Any) -> bool:
         """Whether a sheet begins with a header and rows that hold numbers."""

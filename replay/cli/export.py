@@ -8,6 +8,8 @@ from pathlib import Path
 from replay.cli.answer import Answer, provenance, store_folder
 from replay.cli.asked import ask_as_of
 
+SHOWN = 8  # names of signals in a line
+
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     from replay.exports.csv import EXCELS
@@ -40,9 +42,13 @@ def run(args: argparse.Namespace) -> Answer:
             "session": session.session,
             "file": str(target),
             "rows": done.rows,
+            "left_out": list(done.unnamed),
             "columns": [{"name": one.name, "unit": one.unit, "place": one.place} for one in done.columns],
             "provenance": provenance(store, to=args.to, excel=args.excel),
         }
     says = f"{target}   {session.name}: {done.rows:,} rows, {len(done.columns)} channels"
     notes = [] if done.absolute else [f"session {session.name}: has no date: times count from its logger's start."]
+    if done.unnamed:
+        names = ", ".join(done.unnamed[:SHOWN]) + (" ..." if len(done.unnamed) > SHOWN else "")
+        says += f"\nleft out, as the bench file does not say what they are: {names}"
     return Answer(data, says, notes=notes)

@@ -1,4 +1,4 @@
-"""`whyhot motor check FILE`, and what else there is to do with one: new, scale, slice, plot, reduce, export."""
+"""`whyhot motor check FILE`, and what else there is to do with one: new, import, scale, slice, plot, reduce, export."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 ACTIONS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
     "check": ("read it, refuse what cannot be, say what it is", ("file",), ()),
     "new": ("a blank commented file to fill in", ("out",), ("topology",)),
+    "import": ("what Motor-CAD exports: matrices as a motor file, a map's losses", ("file", "out"), ("flow_lpm",)),
     "scale": ("the same motor in another size", ("file", "length", "out"), ()),
     "slice": ("cut along the stack, for a profile", ("file", "into", "stack_mm", "nodes", "out"), ()),
     "plot": ("a picture of the network", ("file", "out"), ("at",)),
@@ -29,13 +30,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
     says = "; ".join(f"{action}: {what}" for action, (what, _, _) in ACTIONS.items())
     parser.add_argument("action", choices=tuple(ACTIONS), help=says)
-    says = "a motor file (all but new); of export the name of a motor, or a model's id"
+    says = "a motor file (all but new); of import an .rmf or a .mat; of export the name of a motor, or a model's id"
     parser.add_argument("file", metavar="FILE", nargs="?", type=Path, help=says)
-    says = "the file to write: a motor file, of plot an .svg"
+    says = "the file to write: a motor file, of plot an .svg; of import of a .mat a folder of maps"
     parser.add_argument("-o", "--out", metavar="OUT", type=Path, help=says)
     topologies = "; ".join(f"{name}: {what}" for name, what in TOPOLOGIES.items())
     new = parser.add_argument_group("new")
     new.add_argument("--topology", choices=tuple(TOPOLOGIES), help=f"{topologies} (default: {DEFAULT})")
+    imported = parser.add_argument_group("import")
+    says = "the volume flow of each circuit in the export [l/min]"
+    imported.add_argument("--flow-lpm", nargs="+", type=float, metavar="V", help=says)
     scale = parser.add_argument_group("scale")
     scale.add_argument("--length", type=float, metavar="K", help="every length of the motor times K, such as 0.8")
     slices = parser.add_argument_group("slice")
@@ -58,7 +62,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> Answer:
     _check_flags(args)
     verbs = {"check": _check, "new": _new, "scale": _scale, "slice": _slice, "plot": _plot, "reduce": _reduce}
-    return (verbs | {"export": _export})[args.action](args)
+    return (verbs | {"import": _import, "export": _export})[args.action](args)
 
 
 def _check_flags(args: argparse.Namespace) -> None:
@@ -94,6 +98,37 @@ def _new(args: argparse.Namespace) -> Answer:
     _write(args.out, text)
     says = f"{args.out}   {TOPOLOGIES[topology]}\nevery number is an order of magnitude: replace it by your motor's"
     return Answer(_data("new", file=str(args.out), topology=topology, nodes=len(network.nodes)), says)
+
+
+def _import(args: argparse.Namespace) -> Answer:
+    from replay.engine.files.motor_file import read_motor
+    from replay.errors import MotorFileError
+    from replay.studies.motors.motorcad import is_matrices, motor_of
+    from replay.studies.motors.motorcad_maps import maps_of
+
+    if args.file.suffix.lower() == ".mat":
+        return _import_maps(args.out, maps_of(args.file))
+    if not is_matrices(args.file):
+        raise MotorFileError(f"{args.file}: is neither an .rmf nor a .mat of Motor-CAD: give what it exported.")
+    text = motor_of(args.file, args.flow_lpm or ()).encode()
+    network = read_motor(text, args.out.name)
+    _write(args.out, text)
+    data = _data("import", file=str(args.out), nodes=len(network.nodes), links=len(network.links))
+    says = f"{args.out}   {network.name}: {len(network.nodes)} nodes, {len(network.links)} links"
+    return Answer(data, f"{says}\nits conductances and losses are of one operating point: give them their features")
+
+
+def _import_maps(folder: Path, maps: dict[str, str]) -> Answer:
+    from replay.errors import MotorFileError
+
+    try:
+        folder.mkdir()
+    except OSError as error:
+        raise MotorFileError(f"{folder}: {error.strerror}: give a folder that is not there yet with -o.") from None
+    for name, text in maps.items():
+        _write(folder / f"{name}.csv", text.encode())
+    says = f'{folder}   {len(maps)} maps: {", ".join(maps)}\nname one in the motor file: map = "{folder.name}/NAME.csv"'
+    return Answer(_data("import", folder=str(folder), maps=[f"{name}.csv" for name in maps]), says)
 
 
 def _scale(args: argparse.Namespace) -> Answer:

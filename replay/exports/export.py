@@ -30,9 +30,10 @@ WRITERS: Mapping[str, Callable[[Path, SessionRows], None]] = {
 
 @dataclass(frozen=True)
 class Exported:
-    """What was written: columns, how many rows, and whether they have a date."""
+    """What was written: columns, what was not, how many rows, and whether they have a date."""
 
     columns: Sequence[OutColumn]
+    unnamed: Sequence[str]
     rows: int
     absolute: bool
 
@@ -56,7 +57,7 @@ def export(
 
     with whole(target) as path:
         write(path, replace(rows, parts=counted()))
-    return Exported(rows.columns, written, rows.absolute)
+    return Exported(rows.columns, rows.unnamed, written, rows.absolute)
 
 
 @contextmanager

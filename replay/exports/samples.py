@@ -53,6 +53,7 @@ class SessionRows:
     absolute: bool
     start_ns: int
     columns: Sequence[OutColumn]
+    unnamed: Sequence[str]  # signals of its logs that its bench file does not name: they are left out
     parts: Iterator[Part]
 
     def seconds(self, t_ns: Stamps) -> Values:
@@ -69,11 +70,13 @@ def session_rows(store: Store, facts: Facts, session: SessionRecorded, most: int
     files = [decoded_file(store, facts, facts.decodes[file["decode"]]) for file in session.files]
     specs = {source.spec.name: source.spec for one in files for source in one.sources}
     values = sum(one.values for one in files)
+    unnamed = {entry["name"]: None for one in files for entry in one.decode.channels if entry["name"] not in specs}
     if not values:
-        raise ExportError(f"session {session.name}: holds no samples: there is nothing to export.")
+        why = "its bench file names none of its signals" if unnamed else "it holds no samples"
+        raise ExportError(f"session {session.name}: {why}: there is nothing to export.")
     columns = [_column(spec) for spec in specs.values()]
     parts = _parts(store, facts, session, files, list(specs), values, most)
-    return SessionRows(session.name, session.absolute, session.start_ns, columns, parts)
+    return SessionRows(session.name, session.absolute, session.start_ns, columns, [*unnamed], parts)
 
 
 def _parts(

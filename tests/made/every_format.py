@@ -157,6 +157,54 @@ def write_mcap(path: Path, records: Sequence[Record]) -> None:
         writer.finish()  # type: ignore[no-untyped-call]
 
 
+def write_atfx(path: Path, records: Sequence[Record]) -> None:
+    """A model in German, as any may call its elements what it likes."""
+    model: tuple[tuple[str, str, dict[str, str], dict[str, str]], ...] = (
+        ("Messung", "AoMeasurement", {"Id": "id", "Beginn": "measurement_begin"}, {}),
+        ("Groesse", "AoMeasurementQuantity", {"Id": "id", "Name": "name"}, {"Einheit": "unit"}),
+        ("Matrix", "AoSubmatrix", {"Id": "id", "Name": "name"}, {"Messung": "measurement", "Spalten": "local_columns"}),
+        ("Einheit", "AoUnit", {"Id": "id", "Name": "name"}, {}),
+        (
+            "Spalte",
+            "AoLocalColumn",
+            {"Id": "id", "Frei": "independent", "Art": "sequence_representation", "Werte": "values", "Gut": "flags"},
+            {"Groesse": "measurement_quantity"},
+        ),
+    )
+    elements = "".join(
+        f"<application_element><name>{name}</name><basetype>{kind}</basetype>"
+        + "".join(
+            f"<application_attribute><name>{a}</name><base_attribute>{b}</base_attribute></application_attribute>"
+            for a, b in attributes.items()
+        )
+        + "".join(
+            f"<relation_attribute><name>{a}</name><base_relation>{b}</base_relation></relation_attribute>"
+            for a, b in relations.items()
+        )
+        + "</application_element>\n"
+        for name, kind, attributes, relations in model
+    )
+    columns = (
+        ("t", 8, 1, [f"{t_s:.6f}" for t_s, _ in records]),
+        (NAME, 9, 0, [f"{value:.2f}" for _, value in records]),
+    )
+    spans = "".join(
+        f"<Groesse><Id>{key}</Id><Name>{name}</Name><Einheit>{key}</Einheit></Groesse>"
+        f"<Spalte><Id>{key}</Id><Frei>{free}</Frei><Art>explicit</Art><Groesse>{key}</Groesse>"
+        f"<Werte><A_FLOAT64>{' '.join(values)}</A_FLOAT64></Werte></Spalte>\n"
+        for name, key, free, values in columns
+    )
+    path.write_text(
+        '<?xml version="1.0" encoding="UTF-8"?>\n<atfx_file version="atfx_file: V1.3.0" '
+        f'xmlns="http://www.asam.net/ODS/5.3.0/Schema">\n<application_model>{elements}</application_model>\n'
+        f"<instance_data><Messung><Id>1</Id><Beginn>{utc(0):%Y%m%d%H%M%S%f}</Beginn></Messung>"
+        "<Einheit><Id>8</Id><Name>s</Name></Einheit><Einheit><Id>9</Id><Name>degC</Name></Einheit>"
+        "<Matrix><Id>2</Id><Name>bench</Name><Messung>1</Messung><Spalten>8 9</Spalten></Matrix>\n"
+        f"{spans}</instance_data></atfx_file>\n",
+        encoding="utf-8",
+    )
+
+
 WRITERS: dict[str, Callable[[Path, Sequence[Record]], None]] = {
     "blf": by_python_can(can.BLFWriter),
     "asc": by_python_can(can.ASCWriter),
@@ -174,6 +222,7 @@ WRITERS: dict[str, Callable[[Path, Sequence[Record]], None]] = {
     "arrow": write_arrow,
     "mcap": write_mcap,
     "lvm": write_lvm,
+    "atfx": write_atfx,
     "xlsx": write_xlsx,
     "csv": write_csv,
 }

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ingest.intake.inspection import FoundSignal, InspectedFile, Inspection
-from replay.show.words.words import duration
+from replay.show.words.words import counted, duration
 
 SHOWN = 40  # signals; the JSON has all
 
@@ -96,6 +96,10 @@ def _file_lines(one: InspectedFile) -> list[str]:
     lines = [f"{one.path.name}   {reading.format}   {reading.found:,} {holds} in {duration(seconds)}, {clock}"]
     if "header_line" in reading.settings:
         lines.append(f"  its header is line {reading.settings['header_line']:,}")
+    if count := reading.settings.get("lines_of_no_row"):
+        lines.append(f"  {counted(count, 'line')} below its header: comments, or the header again")
+    if reading.settings.get("counter_wraps"):
+        lines.append("  its counter of 32 bits began anew, and is read on")
     if "other_sheets" in reading.settings:
         others = ", ".join(reading.settings["other_sheets"])
         lines.append(f"  read of it: sheet {reading.settings['sheet']}, and not {others} ([time] sheet tells another)")

@@ -1,4 +1,5 @@
 """Motor files made from nothing, from motors of another size, and from motors of more nodes.
 
-`new` fills a template, `scale` changes size or cuts along the stack, `reduce` leaves fewer nodes.
+`new` fills a template, `scale` changes size or cuts along the stack, `reduce` leaves fewer nodes; `motorcad` and
+`motorcad_maps` take what a design program exports.
 """

@@ -246,6 +246,15 @@ def test_many_batches_are_read_through(
 LONG = pa.table({"time": np.arange(5000.0), "T": np.random.default_rng(4).normal(size=5000)})
 
 
+def test_stamps_of_numbers_and_texts_are_those_of_a_text_table(tmp_path: Path) -> None:
+    days = {"Date": ["2025/12/24"] * 2, "Time": ["08:00:00"] * 2}
+    for columns in (days | {"ms": [0, 500]}, {"Time": [20251224080000, 20251224080001]}):
+        write_parquet(pa.table(columns | {"T": [20.0, 21.0]}), tmp_path / "log.parquet")
+        log, t_ns, values = read(tmp_path / "log.parquet")
+        assert (log.absolute, list(values), t_ns[0]) == (True, ["T"], 1_766_563_200_000_000_000)
+        assert t_ns[1] - t_ns[0] in (500_000_000, 1_000_000_000)
+
+
 @pytest.mark.parametrize("write", [write_arrow, write_stream, write_feather])
 def test_an_arrow_file_that_was_cut_keeps_its_rows(tmp_path: Path, write: Callable[[pa.Table, Path], None]) -> None:
     path = tmp_path / "log"

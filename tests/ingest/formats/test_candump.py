@@ -110,3 +110,29 @@ def test_a_log_without_one_frame_is_refused(tmp_path: Path) -> None:
         UnreadableLogError, match=r"^log\.txt: no CAN frame is in it \(1,000 lines read\)\. Copy the file"
     ):
         read(path)
+
+
+def test_what_candump_shows_is_what_it_writes(tmp_path: Path) -> None:
+    written = [
+        "(1436509052.249713) can0 044#2A366C2BBA",
+        "(1436509052.249800) can1 18FEF1D5##1" + "11" * 12 + " T",
+        "(1436509052.249900) can0 123#R",
+        "(1436509052.250000) can0 20000004#0004000000000000",
+    ]
+    shown = [
+        " (1436509052.249713)  can0  044   [5]  2A 36 6C 2B BA",
+        " (1436509052.249800)  can1  TX B -  18FEF1D5  [12]  " + " ".join(["11"] * 12),
+        " (1436509052.249900)  can0  123   [0]  remote request",
+        " (1436509052.250000)  can0  20000004   [8]  00 04 00 00 00 00 00 00   ERRORFRAME",
+        " (1436509052.250100)  can0  044   [8]  2A 36",
+    ]
+    paths = [tmp_path / name for name in ("written", "shown")]
+    for path, lines in zip(paths, (written, shown), strict=True):
+        path.write_text("\n".join(lines) + "\n")
+        assert recognise(path).name == "candump"
+    (one, frames), (other, same) = (read(path) for path in paths)
+    assert same == frames and len(frames) == 3
+    assert [entry.why for entry in other.rejected] == [
+        *(entry.why for entry in one.rejected),
+        "holds 2 of its 8 bytes",
+    ]

@@ -158,6 +158,7 @@ def test_a_file_of_no_known_format_is_refused_with_those_that_are(tmp_path: Path
 
 
 HEADS = {  # of files that programs beside loggers write -> what a person does there
+    "Time;T".encode("utf-16-le"): "in UTF-8",
     b"%PDF-1.4": "as CSV",
     b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1": "soffice --convert-to xlsx",
     b"PK\x03\x04" + bytes(26) + b"mimetypeapplication/vnd.oasis.opendocument.spreadsheet": "soffice --convert-to xlsx",
@@ -169,7 +170,6 @@ HEADS = {  # of files that programs beside loggers write -> what a person does t
     b"|CF,2,1,1;|CK,1,3,1,1;": "as MDF4, or as CSV",
     b"DIAEXTENDED  {@:ENGLISH": "File, Save as",
     b"<?xml version='1.0'?>\n<usi:tdm": "File, Save as",
-    b"<?xml version='1.0'?>\n<atfx_file": "MDF4 or CSV in what wrote it",
     b"    -1\n    58\n": "as CSV or MDF4",
     b"PARE": "without encryption",
     b"FEA1": "as version 2",

@@ -4,8 +4,10 @@ import gzip
 import random
 from collections.abc import Callable
 from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 from typing import Any
+from zoneinfo import ZoneInfo
 
 import numpy as np
 import pytest
@@ -13,7 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import Log, Rows, TimeSpec, open_log
+from ingest.formats import Log, Rows, TimeSpec, open_log, utc_ns
 from ingest.formats import csv as tables
 from ingest.formats._csv_numbers import MISSING
 from made.places import LOGS
@@ -81,6 +83,9 @@ def test_the_sample_is_recognised_whole() -> None:
         ("t;T\n0,5;20,5\n1,5;21,5\n", ";", ","),
         ("t\tT\n0,5\t20,5\n1,5\t21,5\n", "\t", ","),
         ('t;"T"\n0,5;"20,5"\n"1,5";21,5\n', ";", ","),
+        ("t|T\n0.5|20.5\n1.5|21.5\n", "|", "."),
+        ("   t    T\n 0.5 20.5\n 1.5\t21.5 \n", " ", "."),
+        ("t  T\n0,5  20,5\n1,5  21,5\n", " ", ","),
         ("t;T;note, if any\n0.5;20.5;a,b\n1.5;21.5;\n", ";", "."),
     ],
 )
@@ -89,6 +94,18 @@ def test_delimiter_and_decimal_sign_are_recognised(tmp_path: Path, text: str, de
     assert (log.settings["delimiter"], log.settings["decimal"]) == (delimiter, decimal)
     assert t_ns == [S_NS // 2, 3 * S_NS // 2]
     assert columns["T"] == [20.5, 21.5]
+
+
+def test_names_in_quotes_may_hold_line_feeds(tmp_path: Path) -> None:
+    head = 'bench 7\n"Time\n[s]","Speed\n[rpm]","T, winding\n[degC]"\n'
+    log, t_ns, columns = read(table(tmp_path, head + "0,1500,20\n1,abc,21\n2,1501,22\n"))
+    assert (t_ns, columns) == ([0, 2 * S_NS], {"Speed [rpm]": [1500, 1501], "T, winding [degC]": [20, 22]})
+    assert log.rejected[0].where == "line 7, column Speed [rpm]"
+
+
+@pytest.mark.parametrize("end", ["\r", "\r\n"])
+def test_lines_end_as_on_any_machine(tmp_path: Path, end: str) -> None:
+    assert read(table(tmp_path, end.join(["t;T", "0;20", "1;21", ""])))[1] == [0, S_NS]
 
 
 @pytest.mark.parametrize(("encoding", "said"), [("utf-8", "utf-8"), ("utf-8-sig", "utf-8"), ("cp1252", "cp1252")])
@@ -122,7 +139,7 @@ def test_utf_16_that_ends_inside_a_character_keeps_its_whole_rows(tmp_path: Path
 
 
 def test_utf_16_without_its_mark_is_refused_with_what_to_do(tmp_path: Path) -> None:
-    with pytest.raises(UnreadableLogError, match=r"log\.csv: is none of the known log formats"):
+    with pytest.raises(UnreadableLogError, match=r"log\.csv: is text in UTF-16 without its mark\. Save it in UTF-8\."):
         read(table(tmp_path, "t;T\n0;20\n", encoding="utf-16-le"))
     with pytest.raises(UnreadableLogError, match=r"log\.csv: holds bytes of no text\. Export it as CSV in UTF-8\."):
         read(table(tmp_path, "t;T\n" + "0;20\n" * 200 + "\0\n"))
@@ -198,6 +215,13 @@ def test_a_sign_for_missing_is_nan(tmp_path: Path, token: str) -> None:
     assert not log.rejected
 
 
+@pytest.mark.parametrize("thousands", ["20", '"1,234.5"'])
+def test_what_instruments_answer_for_over_range_is_no_reading(tmp_path: Path, thousands: str) -> None:
+    rows = f"0,{thousands}\n1,+9.90000E+37\n2,-9.9E37\n3,9.91E+37\n4,9.8E37\n"
+    _, _, columns = read(table(tmp_path, "t,T\n" + rows))
+    np.testing.assert_array_equal(columns["T"][1:], [np.nan, np.nan, np.nan, 9.8e37])
+
+
 def test_columns_of_text_stay_text_and_codes_are_no_numbers(tmp_path: Path) -> None:
     _, _, columns = read(table(tmp_path, "t,serial,state,mixed\n0,0417,on,1\n1,0418,off,x\n2,0419,on,y\n"))
     assert columns == {"serial": ["0417", "0418", "0419"], "state": ["on", "off", "on"], "mixed": ["1", "x", "y"]}
@@ -257,7 +281,6 @@ def test_a_table_that_cannot_be_one_is_refused(tmp_path: Path, text: str, says: 
         ("7,20", "line 9", "has 2 fields where the header has 3"),
         ("pause", "line 9", "has 1 field where the header has 3"),
         ("7,ERR,1", "line 9, column T", 'text "ERR" where numbers are'),
-        ("7,inf,1", "line 9, column T", 'text "inf" where numbers are'),
         ("7,1e999,1", "line 9, column T", 'text "1e999" where numbers are'),
         ("7,1_0,1", "line 9, column T", 'text "1_0" where numbers are'),
         ("7,0x10,1", "line 9, column T", 'text "0x10" where numbers are'),
@@ -280,6 +303,12 @@ def test_blank_lines_are_no_rows_but_count_as_lines(tmp_path: Path) -> None:
     log, t_ns, _ = read(table(tmp_path, "t,T\r\n0,20\r\n\r\n1,abc\r\n2,21\r\n3,21\r\n \r\n"))
     assert (log.found, t_ns) == (4, [0, 2 * S_NS, 3 * S_NS])
     assert log.rejected[0].where == "line 4, column T"
+
+
+def test_comments_and_the_header_again_are_no_rows_but_count_as_lines(tmp_path: Path) -> None:
+    log, t_ns, _ = read(table(tmp_path, "t,T\n0,20\n# door opened\n1,abc\nt,T\n2,21\n# end"))
+    assert (log.found, t_ns, log.settings["lines_of_no_row"]) == (3, [0, 2 * S_NS], 3)
+    assert log.rejected[0].where == "line 4, column T" and log.cut is None
 
 
 def test_a_last_row_that_is_cut_is_said(tmp_path: Path) -> None:
@@ -392,10 +421,84 @@ def test_a_table_without_time_is_refused_with_both_ways_out(tmp_path: Path) -> N
     )
 
 
-def test_a_clock_without_a_date_is_shown_in_the_refusal(tmp_path: Path) -> None:
-    path = table(tmp_path, "Time,T\n08:00:00,20\n08:00:01,21\n")
-    with pytest.raises(UnreadableLogError, match=r'\("Time" holds "08:00:00", which is no whole stamp\)'):
+def test_a_date_without_a_clock_is_shown_in_the_refusal(tmp_path: Path) -> None:
+    path = table(tmp_path, "Time,T\n2024-03-01,20\n2024-03-02,21\n")
+    with pytest.raises(UnreadableLogError, match=r'\("Time" holds "2024-03-01", which is no whole stamp\)'):
         read(path)
+
+
+@pytest.mark.parametrize(
+    ("cells", "seconds"),
+    [
+        ("23:59:58 23:59:59,5 00:00:01", [86_398, 86_399.5, 86_401]),
+        ("00:00:00.0 23:59:59.0 24:00:00.0 100:06:40.0", [0, 86_399, 86_400, 360_400]),
+        ("23:59:59 00:00:00 23:59:59 00:00:00", [86_399, 86_400, 172_799, 172_800]),
+    ],
+    ids=["over midnight", "elapsed", "over two midnights"],
+)
+def test_times_of_day_count_from_their_midnight_and_pass_the_next(
+    tmp_path: Path, cells: str, seconds: list[float]
+) -> None:
+    path = table(tmp_path, "Uhrzeit;T\n" + "".join(f"{cell};1\n" for cell in cells.split()))
+    log, t_ns, _ = read(path)
+    assert (t_ns, log.absolute, len(log.rejected)) == ([round(s * S_NS) for s in seconds], False, 0)
+    assert read(path, TimeSpec(start_ns=DECEMBER_NS))[1][0] == t_ns[0] + DECEMBER_NS
+
+
+def test_a_time_of_day_that_is_none_is_rejected(tmp_path: Path) -> None:
+    log, t_ns, _ = read(
+        table(tmp_path, "Time,T\n11:59:59 AM,1\n12:61:00 PM,1\n13:00:00 PM,1\n12:00:01 PM,1\n12:00:02 PM,1\n")
+    )
+    assert (t_ns, len(log.rejected)) == ([s * S_NS for s in (43_199, 43_201, 43_202)], 2)
+
+
+@pytest.mark.parametrize(("name", "unit_ns"), [("millis", 1_000_000), ("timestamp_us", 1000)])
+@pytest.mark.parametrize("rows", [4, 300])  # before the counter begins anew: within what is looked at first, and behind
+def test_a_counter_of_32_bits_that_begins_anew_goes_on(tmp_path: Path, name: str, unit_ns: int, rows: int) -> None:
+    counts = [(2**32 - 100 * rows + 100 * k) % 2**32 for k in range(2 * rows)]
+    log, t_ns, _ = read(table(tmp_path, f"{name},T\n" + "".join(f"{count},1\n" for count in counts)))
+    assert t_ns == [(2**32 - 100 * rows + 100 * k) * unit_ns for k in range(2 * rows)]
+    assert (log.settings["counter_wraps"], log.settings["backward_steps"]) == (1, 0)
+
+
+@pytest.mark.parametrize(("head", "step_s"), [("Zeit;T", 1), ("Datum;T", 600)])
+def test_dates_as_spreadsheets_store_them_are_local_days(tmp_path: Path, head: str, step_s: int) -> None:
+    days = [45_964 + k * step_s / 86_400 for k in range(5)]  # 2025-11-03
+    rows = "".join(f"{day:.8f};1\n".replace(".", ",") for day in days)
+    log, t_ns, _ = read(table(tmp_path, head + "\n" + rows), TimeSpec(zone="Europe/Rome"))
+    begin = utc_ns(datetime(2025, 11, 3, tzinfo=ZoneInfo("Europe/Rome")))
+    np.testing.assert_allclose(np.array(t_ns) - begin, np.arange(5) * step_s * S_NS, atol=500_000)
+    assert log.absolute and log.settings["time"] == "days since 1899-12-30 in Europe/Rome"
+
+
+def test_large_seconds_are_no_dates_of_a_spreadsheet(tmp_path: Path) -> None:
+    log, t_ns, _ = read(table(tmp_path, "Time,T\n45964.0,1\n45965.0,2\n"))
+    assert (t_ns, log.absolute) == ([45_964 * S_NS, 45_965 * S_NS], False)
+
+
+@pytest.mark.parametrize("head", ["Date,Time,Millisecond,T", "Date&Time,,ms,T"])
+def test_milliseconds_in_a_column_of_their_own_belong_to_the_stamp(tmp_path: Path, head: str) -> None:
+    blank = "," if head.startswith("Date,") else " "
+    rows = [f"2025/12/24{blank}08:00:0{k // 2},{500 * (k % 2)},20" for k in range(4)]
+    log, t_ns, columns = read(table(tmp_path, "\n".join([head.replace(",,", ","), *rows, ""])))
+    assert t_ns == [DECEMBER_NS + k * S_NS // 2 for k in range(4)]
+    assert list(columns) == ["T"] and log.settings["time_column"].endswith(head.split(",")[2])
+
+
+def test_a_stamp_without_signs_is_a_date_and_no_number(tmp_path: Path) -> None:
+    for stamp in ("20251224080000", "20251224T080000Z", "20251224_080000"):
+        log, t_ns, _ = read(table(tmp_path, f"Time,T\n{stamp},20\n"))
+        assert (t_ns, log.absolute) == ([DECEMBER_NS], True)
+
+
+def test_a_short_year_may_stand_first_and_is_asked_for(tmp_path: Path) -> None:
+    path = table(tmp_path, "Time,T\n25/12/24 08:00:00,1\n")
+    with pytest.raises(
+        UnreadableLogError, match=r'day or with the year\. .* format = "%d/%m/%y .* "%y/%m/%d %H:%M:%S"'
+    ):
+        read(path)
+    assert read(path, TimeSpec(format="%y/%m/%d %H:%M:%S"))[1] == [DECEMBER_NS]
+    assert read(table(tmp_path, "Time;T\n24/12/25 08:00:00;1,5\n"))[1] == [DECEMBER_NS]
 
 
 def test_rows_at_a_fixed_rate_keep_their_place(tmp_path: Path) -> None:

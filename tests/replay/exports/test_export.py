@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import errno
 import re
+import struct
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from datetime import UTC, datetime
@@ -164,6 +165,39 @@ def _by_our_reader(path: Path) -> Read:
     return {name: (batch.t_ns[~np.isnan(own)] / 1e9, own[~np.isnan(own)]) for name, own in columns.items()}
 
 
+def by_hand(path: Path) -> Read:
+    """An MF4 from link to link, as ASAM's description of the blocks has them, by nothing of ours."""
+    data = path.read_bytes()
+    assert data.startswith(b"MDF     4.10")
+
+    def block(at: int, mark: bytes) -> tuple[tuple[int, ...], bytes]:
+        found, size, links = struct.unpack_from("<4s4xQQ", data, at)
+        assert found == b"##" + mark
+        return struct.unpack_from(f"<{links}Q", data, at + 24), data[at + 24 + 8 * links : at + size]
+
+    def text(at: int) -> str:
+        return block(at, b"TX")[1].split(b"\0")[0].decode()
+
+    (data_group, *_), head = block(64, b"HD")
+    (_, group, records, _), _ = block(data_group, b"DG")
+    links, sizes = block(group, b"CG")
+    count, width, marks = *struct.unpack_from("<Q", sizes, 8), *struct.unpack_from("<II", sizes, 24)
+    rows = np.frombuffer(block(records, b"DT")[1], np.uint8).reshape(count, width + marks)
+    found, channel = dict[str, tuple[Floats, Floats]](), links[1]
+    t_s: Floats = np.empty(0)
+    while channel:
+        (channel, _, name, *_), says = block(channel, b"CN")
+        kind, _, form, _, at, bits, flags, bit = struct.unpack_from("<BBBBIIII", says)
+        assert (form, bits) == (4, 64)  # a number of 8 bytes
+        values = rows[:, at : at + 8].copy().view("<f8")[:, 0]
+        if kind == 2:  # the master: time
+            t_s = struct.unpack_from("<Q", head)[0] / 1e9 + values
+        else:
+            there = (rows[:, width + bit // 8] >> bit % 8 & 1 if flags & 2 else np.zeros(count)) == 0
+            found[text(name)] = t_s[there], values[there]
+    return found
+
+
 def by_asammdf(path: Path) -> Read:
     mdf = pytest.importorskip("asammdf").MDF(path)
     start_s = mdf.header.start_time.timestamp() if mdf.header.abs_time else 0.0
@@ -183,6 +217,7 @@ def by_asammdf(path: Path) -> Read:
         (("--to", "mcap"), by_rerun, 1e-6),
         (("--to", "mcap"), by_our_mcap_reader, 1e-6),
         (("--to", "mf4"), by_our_mf4_reader, 1e-6),
+        (("--to", "mf4"), by_hand, 1e-6),
         (("--to", "mf4"), by_asammdf, 1e-6),
     ],
     ids=lambda one: one.__name__ if callable(one) else None,
@@ -266,6 +301,22 @@ def test_it_never_writes_over_a_file_and_leaves_no_part_of_one(
     exported(folder, tmp_path / "a.mf4", "--to", "mf4", code=2)
     assert "the disk is full" in capsys.readouterr().err
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"a.mcap": "mine"}
+
+
+def test_signals_that_the_bench_file_does_not_name_are_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "a.csv").write_text("t,n,T\n0,1500,20\n1,1501,21\n")
+    (tmp_path / "b.csv").write_text("t,n,T\n0,1500,20\n1,1501,22\n")
+    bench, store = tmp_path / "bench.toml", ["--store", str(tmp_path / "store")]
+    bench.write_text('schema = "whyhot.bench/1"\n')
+    assert main(["ingest", str(tmp_path / "a.csv"), "--bench", str(bench), *store]) == 0
+    bench.write_text(bench.read_text() + '[[channel]]\nsignal = "n"\nquantity = "speed"\nunit = "rpm"\n')
+    assert main(["ingest", str(tmp_path / "b.csv"), "--bench", str(bench), *store]) == 0
+    for session, code, says in (
+        ("a", 2, "session a: its bench file names none of its signals: there is nothing to export."),
+        ("b", 0, "left out, as the bench file does not say what they are: T\n"),
+    ):
+        assert main(["export", session, "--to", "csv", "-o", str(tmp_path / f"{session}.out"), *store]) == code
+        assert says in "".join(capsys.readouterr())
 
 
 def test_only_a_csv_is_for_the_excel_of_a_country(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
