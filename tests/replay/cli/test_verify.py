@@ -96,7 +96,7 @@ def test_damage_says_what_it_affects_what_is_good_and_what_to_do(bench: Path, ca
     assert said.out.startswith("2 findings")
     assert "8 of 10 sealed files" in said.out
     assert "6 of 6 decoded files" in said.out
-    assert "whyhot ingest --store store 2_drive.asc" in said.out
+    assert "whyhot ingest --store store 2_drive.asc --bench bench.toml --dbc bench.dbc" in said.out
     assert main(["ingest", "2_drive.asc", "--bench", "bench.toml", "--dbc", "bench.dbc"]) == 0
     assert main(["replay", "1_s1"]) == 0
     assert main(["verify", "--read"]) == 0, "the steps that were said mend it"
