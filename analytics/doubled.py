@@ -10,12 +10,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analytics.scans import column_names, name, read_schema, text
+from analytics.scans import Schema, Schemas, column_names, name, text
 
 if TYPE_CHECKING:
     import duckdb
-
-    from ingest.facts.bucket import Bucket
 
 SESSION = "whyhot session"  # no signal is called so
 # The two files, from when to when, (channel, its column in each) of what both have, and all columns of the later one.
@@ -45,19 +43,15 @@ ORDER BY fa.file, fb.file
 """
 
 
-def find(connection: duckdb.DuckDBPyConnection, bucket: Bucket | None = None) -> None:
-    """Fill `base.doubled`. `bucket`: where the Parquet files lie.
-
-    Raises WarehouseError where a Parquet file that the facts name is missing or damaged.
-    """
+def find(connection: duckdb.DuckDBPyConnection, schemas: Schemas) -> None:
+    """Fill `base.doubled`."""
     for (file,) in connection.execute("SELECT file FROM base.groups WHERE doubled ORDER BY file").fetchall():
-        read_schema(bucket, file)  # a file that is missing or damaged is refused in our words
         connection.execute(
             f"INSERT INTO base.doubled SELECT {text(file)}, record, NULL FROM read_parquet({text(file)}) "
             "QUALIFY row_number() OVER (PARTITION BY t_ns ORDER BY record) > 1"
         )
     for before, file, first_ns, last_ns, shared, own in connection.execute(OVERLAPS).fetchall():
-        a, b = _has(bucket, before, "a"), _has(bucket, file, "b")
+        a, b = _has(schemas[before], "a"), _has(schemas[file], "b")
         too = {other: a[one] for _, one, other in shared if one in a and other in b}
         twice = ", ".join(
             f"CASE WHEN {b[other]} AND {too[other]} THEN {text(channel)} END"
@@ -74,9 +68,8 @@ def find(connection: duckdb.DuckDBPyConnection, bucket: Bucket | None = None) ->
             )
 
 
-def _has(bucket: Bucket | None, file: str, side: str) -> dict[str, str]:
+def _has(columns: Schema, side: str) -> dict[str, str]:
     """The columns of numbers of a file -> whether a row of it, called `side`, has a value there."""
-    columns = read_schema(bucket, file)
     called = column_names(columns)
     numbers = [column for column, kind in columns if "string" not in kind]
     return {column: f"coalesce(isfinite({side}.{name(called[column])}), false)" for column in numbers}

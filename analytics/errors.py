@@ -6,11 +6,15 @@ class AnalyticsError(Exception):
 
 
 class WarehouseError(AnalyticsError):
-    """The warehouse cannot be built or opened: a file of it is missing or damaged, or the folder is read-only."""
+    """The warehouse cannot be built or opened: the folder is read-only, or a file is missing that its asker needs."""
 
 
 class QueryError(AnalyticsError):
     """A query that DuckDB cannot answer: an unknown name, wrong syntax, an unfit value, too little memory."""
+
+
+class LostFileError(QueryError):
+    """A query that reads a file which was there when the warehouse was made, and is not now: one made anew answers."""
 
 
 class RefusedQueryError(AnalyticsError):

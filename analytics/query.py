@@ -16,13 +16,16 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import duckdb
 
-from analytics.errors import AnalyticsError, QueryError, RefusedQueryError
-from analytics.warehouse import MACROS, MEMORY, VIEWS
+from analytics.errors import AnalyticsError, LostFileError, QueryError, RefusedQueryError
+from analytics.warehouse import MACROS, MEMORY, VIEWS, Warehouse, refresh
 from ingest.texts.nearest import nearest
+
+if TYPE_CHECKING:
+    from ingest.facts.store import Store
 
 ROWS, SECONDS = 1_000_000, 60.0  # what the command line allows a question unless it is told otherwise
 BLOCK = 10_000  # rows fetched at once
@@ -78,9 +81,25 @@ def run(
     )
 
 
-def first_row(connection: duckdb.DuckDBPyConnection, sql: str, seconds: float | None = None) -> dict[str, Any]:
-    """The first row of an answer, by column. Raises as `run`, QueryError where there is none."""
-    found = run(connection, sql, 1, seconds)
+def ask(
+    store: Store, sql: str, limit: int | None = None, seconds: float | None = None, as_of: str | None = None
+) -> tuple[QueryResult, Warehouse]:
+    """The answer of the store as it is now, or was at `as_of`, and the warehouse that gave it, closed. Raises as `run`
+    and `warehouse.refresh`."""
+    try:
+        return _asked(refresh(store, as_of), sql, limit, seconds)
+    except LostFileError:  # what is left can be answered
+        return _asked(refresh(store, as_of, anew=True), sql, limit, seconds)
+
+
+def _asked(warehouse: Warehouse, sql: str, limit: int | None, seconds: float | None) -> tuple[QueryResult, Warehouse]:
+    with warehouse as opened:
+        return run(opened.connection, sql, limit, seconds), opened
+
+
+def first_row(store: Store, sql: str, seconds: float | None = None) -> dict[str, Any]:
+    """The first row of an answer, by column. Raises as `ask`, QueryError where there is none."""
+    found, _ = ask(store, sql, 1, seconds)
     if not found.rows:
         raise QueryError("SQL: gives no row: there is nothing to trace")
     return dict(zip(found.columns, found.rows[0], strict=True))
@@ -203,7 +222,7 @@ def _explained(connection: duckdb.DuckDBPyConnection, error: duckdb.Error) -> An
     if bucket := re.search(r"BucketError: (.*)", str(error)):
         return QueryError(f"SQL: {bucket[1]}")
     if lost := re.search(r'"([^"]*)/\*\*/[^"]*"', said):  # DuckDB takes a path without a file for a folder
-        return QueryError(f"SQL: {lost[1]}: is missing: run `whyhot rebuild`")
+        return LostFileError(f"SQL: {lost[1]}: is missing since the warehouse was made: ask again")
     if isinstance(error, duckdb.PermissionException):
         return RefusedQueryError(f"SQL: {said}: a query reads the views of this store only ({', '.join(VIEWS)})")
     if "pytz" in said:

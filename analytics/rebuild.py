@@ -39,13 +39,14 @@ def rebuild(store: Store, redecode: Callable[[Store, Facts], object], verify: bo
     shutil.rmtree(store.folder / partitions.FOLDER, ignore_errors=True)
     with warehouse.refresh(store) as made:
         after = warehouse.digest(made.connection) if verify else {}
+        changed = [made.left_out] if made.left_out else []
     decodes = folding.at(store.ledger).decodes.values()
     named = {(one.decode, file): sha256 for one in decodes for file, sha256 in one.products.items()}
-    changed = [f"view {view}: holds other rows than before" for view in before if before[view] != after[view]]
+    changed += [f"view {view}: holds other rows than before" for view in before if before[view] != after[view]]
     return Rebuilt(
         products=len(named),
         views=len(warehouse.VIEWS),
-        differences=(*_differences(store, named), *changed) if verify else (),
+        differences=(*(_differences(store, named) if verify else ()), *changed),
         notes=notes,
     )
 
@@ -54,6 +55,8 @@ def _before(store: Store) -> tuple[dict[str, str], tuple[str, ...]]:
     """What the views hold now; nothing, and why, where they cannot be read."""
     try:
         with warehouse.refresh(store) as opened:
+            if opened.left_out:
+                return {}, (f"views were not compared, they could not be read before: {opened.left_out}",)
             return warehouse.digest(opened.connection), opened.notes
     except (AnalyticsError, OSError) as error:
         return {}, (f"views were not compared, they could not be read before: {error}",)

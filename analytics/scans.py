@@ -14,9 +14,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from functools import partial
 from importlib import resources
-from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 import pyarrow as pa
@@ -33,28 +31,55 @@ if TYPE_CHECKING:
 
 Kind = TypeVar("Kind", bound=Hashable)
 Schema = tuple[tuple[str, str], ...]  # (name, type) of each column, in order
-SchemaOf = Callable[[str], Schema]  # of a file
+Schemas = Mapping[str, Schema]  # of each file that a view reads
 
 FILE = "whyhot file"  # name of the scan's column with the path: no signal is called so
 SUFFIX = "_degC"
+READ = ["temperatures", "residuals", *AGEING]  # kinds of artefacts
+FILES = """
+SELECT file, 'samples', 'whyhot rebuild' FROM base.groups
+UNION SELECT file, kind, again FROM base.artefacts WHERE kind IN (SELECT unnest(?)) ORDER BY ALL
+"""
 MANY = 64  # sessions that a file may hold for each of its rows to be held against all of them
 
 
-def create(connection: duckdb.DuckDBPyConnection, bucket: Bucket | None = None) -> None:
-    """Make the views from the tables that `base` has of groups, channels, doubled values and artefacts. `bucket`: where
-    their files lie.
+def readable(connection: duckdb.DuckDBPyConnection, bucket: Bucket | None = None) -> Schemas:
+    """The schema of each Parquet file that a view reads. A file that is missing or cannot be read is taken out of the
+    tables of groups and artefacts, and `base.left_out` says why. `bucket`: where the files lie."""
+    found: dict[str, Schema] = {}
+    alike: dict[Schema, Schema] = {}  # kept once
+    lost = []
+    for file, kind, again in connection.execute(FILES, [READ]).fetchall():
+        try:
+            schema = _schema(bucket, file)
+            found[file] = alike.setdefault(schema, schema)
+        except WarehouseError as error:
+            lost.append((file, kind, str(error), again))
+    if lost:
+        connection.executemany("INSERT INTO base.left_out VALUES (?, ?, ?, ?)", lost)
+        for table in ("groups", "artefacts"):
+            connection.execute(f"DELETE FROM base.{table} WHERE file IN (SELECT file FROM base.left_out)")
+    return found
 
-    Raises WarehouseError where a Parquet file that the facts name is missing or damaged.
-    """
-    schema_of = partial(read_schema, bucket)
+
+def is_readable(bucket: Bucket | None, file: str) -> bool:
+    """Whether a Parquet file is there and begins as one."""
+    try:
+        return bool(_schema(bucket, file))
+    except WarehouseError:
+        return False
+
+
+def create(connection: duckdb.DuckDBPyConnection, schemas: Schemas) -> None:
+    """Make the views from the tables that `base` has of groups, channels, doubled values and artefacts."""
     shared = "FROM base.segments SELECT file GROUP BY file HAVING count(*) > ?"
     of_many = {file for (file,) in connection.execute(shared, [MANY]).fetchall()}
-    _view(connection, "values", VALUES, _values(connection, schema_of, lambda file: file not in of_many))
-    _view(connection, "values_of_many", VALUES, _values(connection, schema_of, lambda file: file in of_many))
-    _view(connection, "temperatures", TEMPERATURES, _temperatures(connection, schema_of))
-    _view(connection, "residuals", RESIDUALS, _tables(connection, schema_of, "residuals", RESIDUALS))
+    _view(connection, "values", VALUES, _values(connection, schemas, lambda file: file not in of_many))
+    _view(connection, "values_of_many", VALUES, _values(connection, schemas, lambda file: file in of_many))
+    _view(connection, "temperatures", TEMPERATURES, _temperatures(connection, schemas))
+    _view(connection, "residuals", RESIDUALS, _tables(connection, schemas, "residuals", RESIDUALS))
     for kind, columns in AGEING.items():
-        _view(connection, kind, columns, _tables(connection, schema_of, kind, columns))
+        _view(connection, kind, columns, _tables(connection, schemas, kind, columns))
 
 
 def text(value: str | None) -> str:
@@ -72,7 +97,7 @@ def name(value: str) -> str:
     return '"' + value.replace('"', '""') + '"'
 
 
-def _values(connection: duckdb.DuckDBPyConnection, schema_of: SchemaOf, taken: Callable[[str], bool]) -> Iterable[str]:
+def _values(connection: duckdb.DuckDBPyConnection, schemas: Schemas, taken: Callable[[str], bool]) -> Iterable[str]:
     """One branch for each channel of each kind of file that is taken: same columns, same channels."""
     twice = set(connection.execute("SELECT DISTINCT file FROM base.doubled").fetchall())
     channels: dict[str, list[tuple[str, ...]]] = defaultdict(list)
@@ -83,7 +108,7 @@ def _values(connection: duckdb.DuckDBPyConnection, schema_of: SchemaOf, taken: C
     ).fetchall():
         if taken(file):
             channels[file].append(tuple(channel))
-    alike = _alike({file: (schema_of(file), tuple(of), (file,) in twice) for file, of in channels.items()})
+    alike = _alike({file: (schemas[file], tuple(of), (file,) in twice) for file, of in channels.items()})
     for (schema, listed, some), files in alike.items():
         columns, kinds = column_names(schema), dict(schema)
         for column, *constants in listed:
@@ -95,19 +120,19 @@ def _values(connection: duckdb.DuckDBPyConnection, schema_of: SchemaOf, taken: C
             yield _branch(files, f"{fixed}, t_ns, record, {name(columns[column])}, {doubled}")
 
 
-def _temperatures(connection: duckdb.DuckDBPyConnection, schema_of: SchemaOf) -> Iterable[str]:
+def _temperatures(connection: duckdb.DuckDBPyConnection, schemas: Schemas) -> Iterable[str]:
     """One branch for each node of each kind of file."""
-    for schema, files in _alike({file: schema_of(file) for file in _artefacts(connection, "temperatures")}).items():
+    for schema, files in _alike({file: schemas[file] for file in _artefacts(connection, "temperatures")}).items():
         for column, actual in column_names(schema).items():
             if column.endswith(SUFFIX):
                 yield _branch(files, f"{text(column.removesuffix(SUFFIX))}, t_ns, {name(actual)}")
 
 
 def _tables(
-    connection: duckdb.DuckDBPyConnection, schema_of: SchemaOf, kind: str, columns: Mapping[str, str]
+    connection: duckdb.DuckDBPyConnection, schemas: Schemas, kind: str, columns: Mapping[str, str]
 ) -> Iterable[str]:
     """One branch for each kind of file; a column that it lacks is null, and so is a number that is not finite."""
-    for schema, files in _alike({file: schema_of(file) for file in _artefacts(connection, kind)}).items():
+    for schema, files in _alike({file: schemas[file] for file in _artefacts(connection, kind)}).items():
         there = dict(schema)
         listed = (_or_null(column, said) if column in there else "NULL" for column, said in columns.items())
         yield _branch(files, ", ".join(listed))
@@ -143,22 +168,16 @@ def _view(
     )
 
 
-def read_schema(bucket: Bucket | None, file: str) -> Schema:
+def _schema(bucket: Bucket | None, file: str) -> Schema:
     """The columns of a Parquet file. Raises WarehouseError where it is missing or damaged."""
     try:
         found = pq.read_schema(at(bucket, file).parts() if bucket else file)
     except FileNotFoundError:
-        raise WarehouseError(f"{file}: is missing: {_advice(file)}") from None
+        raise WarehouseError(f"{file}: is missing") from None
     except (pa.ArrowException, OSError) as error:
         why = " ".join(str(error).split())
-        raise WarehouseError(f"{file}: cannot be read as Parquet ({why[:120]}): {_advice(file)}") from None
+        raise WarehouseError(f"{file}: cannot be read as Parquet ({why[:120]})") from None
     return tuple((field.name, str(field.type)) for field in found)
-
-
-def _advice(file: str) -> str:
-    if "decoded" in Path(file).parts[-3:]:
-        return "run `whyhot rebuild`"
-    return "restore it from a backup, then run `whyhot verify`"
 
 
 def column_names(schema: Schema) -> dict[str, str]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ingest.bench.resolving import region_by_name
 from ingest.errors import UnknownSessionError
+from ingest.facts.cited import cited
 from ingest.facts.events import InspectionRecorded, RawFileSealed, ReplayCompleted, SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.ledger_row import Recorded
@@ -24,7 +25,7 @@ def rows(store: Store, facts: Facts, recorded: Sequence[Recorded]) -> dict[str, 
     """The rows of every base table but `built_from`, by table. `recorded`: the events that `facts` follow from.
 
     What was forgotten since then has no samples any more."""
-    gone = store.forgotten
+    gone, again = store.forgotten, cited(recorded)
     used = {file["decode"] for session in facts.sessions for file in session.files}
     return {
         "events": map(_event, recorded),
@@ -48,7 +49,7 @@ def rows(store: Store, facts: Facts, recorded: Sequence[Recorded]) -> dict[str, 
         "channels": _channels(facts, used),
         "runs": _runs(facts, recorded),
         "artefacts": [
-            {"run": run, "kind": kind, "file": str(store.archive.path(sha256).absolute())}
+            {"run": run, "kind": kind, "file": str(store.archive.path(sha256).absolute()), "again": again[sha256].mend}
             for run, kind, sha256 in _artefacts(facts)
             if sha256 not in gone.files
         ],

@@ -58,10 +58,17 @@ HOUR_S = 3600.0
 
 @dataclass(frozen=True)
 class Warehouse:
-    """An open warehouse, confined to reading this store. `notes`: what a person should know of it, a line each."""
+    """An open warehouse, confined to reading this store. `notes`: what a person should know of it, a line each;
+    `left_out`: that Parquet files are missing or cannot be read, so that no view has what they hold, in one line."""
 
     connection: duckdb.DuckDBPyConnection
     notes: tuple[str, ...] = ()
+    left_out: str | None = None
+
+    def needs(self, kind: str) -> None:
+        """Raises WarehouseError where files of a kind ("samples") are left out, for who may not do without any."""
+        if says := _left_out(self.connection, kind):
+            raise WarehouseError(says)
 
     def __enter__(self) -> Self:
         return self
@@ -71,7 +78,7 @@ class Warehouse:
 
 
 class _Stale(Exception):
-    """The warehouse's file was built from other facts, or by other code, than there are now."""
+    """The warehouse's file was built from other facts or files, or by other code, than there are now."""
 
 
 class _Broken(Exception):
@@ -82,7 +89,7 @@ def build(store: Store, target: Path, source: Mapping[str, str]) -> None:
     """Make the warehouse of the facts of now at `target`: whole or not at all.
 
     `source`: what it depends on, taken before the facts, so that an event that comes meanwhile makes the next one
-    stale. Raises WarehouseError where a Parquet file is missing or damaged, or the folder cannot be written.
+    stale. Raises WarehouseError where the folder cannot be written.
     """
     rows = _rows(store)
     try:
@@ -99,8 +106,9 @@ def build(store: Store, target: Path, source: Mapping[str, str]) -> None:
         ) from None
 
 
-def refresh(store: Store, as_of: str | None = None) -> Warehouse:
-    """The warehouse of the store as it is now; made anew where the ledger, this package or DuckDB has changed.
+def refresh(store: Store, as_of: str | None = None, anew: bool = False) -> Warehouse:
+    """The warehouse of the store as it is now; made anew where the ledger, this package or DuckDB has changed, a file
+    that was left out is there again, or with `anew`.
 
     With `as_of` (event number or ISO 8601 time), or in a folder whose name DuckDB misreads, it is made in memory and no
     file is written. A file that is not whole is
@@ -111,16 +119,16 @@ def refresh(store: Store, as_of: str | None = None) -> Warehouse:
     path = store.folder.absolute() / FILE
     source = _source(store)
     notes: tuple[str, ...] = ()
-    if path.exists() or _log(path).exists():
+    if not anew and (path.exists() or _log(path).exists()):
         try:
-            return Warehouse(_open(store, path, source))
+            return _warehouse(_open(store, path, source))
         except _Stale:
             pass
         except _Broken as error:
             notes = (_set_aside(path, str(error)),)
     build(store, path, source)
     try:
-        return Warehouse(_open(store, path), notes)
+        return _warehouse(_open(store, path), *notes)
     except _Broken as error:
         raise WarehouseError(f"{path}: was made and cannot be read ({error}): see that the disk has space") from None
 
@@ -135,7 +143,7 @@ def connect(folder: str | Path, as_of: str | None = None) -> duckdb.DuckDBPyConn
 
     with Store.open(Path(folder)) as store:
         warehouse = refresh(store, as_of)
-    for note in warehouse.notes:
+    for note in filter(None, (*warehouse.notes, warehouse.left_out)):
         warnings.warn(note, stacklevel=2)
     return warehouse.connection
 
@@ -165,9 +173,10 @@ def fill(
             connection.execute(f"INSERT INTO base.{table} BY NAME SELECT * FROM new_rows")
             connection.unregister("new_rows")
     del content, left
+    schemas = scans.readable(connection, bucket)
     connection.execute(scans.statement("segments"))
-    doubled.find(connection, bucket)
-    scans.create(connection, bucket)
+    doubled.find(connection, schemas)
+    scans.create(connection, schemas)
     for part in SAMPLES:
         connection.execute(scans.statement(part))
     partitions.create(connection, kept, " ".join((source or {}).get(what, "") for what in ("analytics", "duckdb")))
@@ -248,7 +257,23 @@ def _in_memory(store: Store, as_of: str | None) -> Warehouse:
         confine(connection)
         unless_done.pop_all()
     gone = [f"{why}: its samples are in no answer" for raw, why in store.forgotten.logs.items() if raw in facts.files]
-    return Warehouse(connection, tuple(gone))
+    return _warehouse(connection, *gone)
+
+
+def _warehouse(connection: duckdb.DuckDBPyConnection, *notes: str) -> Warehouse:
+    return Warehouse(connection, notes, _left_out(connection))
+
+
+def _left_out(connection: duckdb.DuckDBPyConnection, kind: str | None = None) -> str | None:
+    """Which file is left out, how many more, and what brings them back; None where none is."""
+    asked = "SELECT says, again FROM base.left_out WHERE kind = coalesce(?, kind) ORDER BY again, file"
+    lost = connection.execute(asked, [kind]).fetchall()
+    if not lost:
+        return None
+    (says, again), *more = lost
+    many = f", and {len(more):,} more" if more else ""
+    others = "; `whyhot verify` says of all" if {again} != {one for _, one in lost} else ""
+    return f"{says}{many}: no answer has what was in it; next: {again}{others}"
 
 
 def _open(store: Store, path: Path, source: Mapping[str, str] | None = None) -> duckdb.DuckDBPyConnection:
@@ -267,6 +292,9 @@ def _open(store: Store, path: Path, source: Mapping[str, str] | None = None) -> 
             connection.execute(f"ATTACH {scans.text(str(path))} AS warehouse (READ_ONLY)")
             connection.execute("USE warehouse")
             if source is not None and dict(connection.execute("FROM base.built_from").fetchall()) != source:
+                raise _Stale
+            lost = connection.execute("SELECT file FROM base.left_out").fetchall()
+            if source is not None and any(scans.is_readable(store.bucket, file) for (file,) in lost):
                 raise _Stale
             base = connection.execute("SELECT table_name FROM duckdb_tables() WHERE schema_name = 'base'").fetchall()
             for (table,) in base:

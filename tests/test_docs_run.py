@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -139,6 +140,23 @@ def test_the_tutorial_goes_as_it_says(
     assert ran > 10
 
 
+def test_a_damaged_store_is_brought_back_as_the_page_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(ROOT / "examples" / "hidden_effect", tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("WHYHOT_STORE", raising=False)
+    page = (DOCS / "damage.md").read_text(encoding="utf-8")
+    codes = []
+    for _, _, block in _blocks(page):
+        for command, shown in _commands(block):
+            codes.append(_run(command))
+            said = capsys.readouterr()
+            _assert_printed(shown, said.err + said.out, command)
+    assert [code for code in codes if code] == [1, 1, 2], "a damaged file, a changed event, and a verb that reads it"
+    assert len(codes) > 15
+
+
 @pytest.mark.parametrize(("page", "reads"), [("bench_file.md", read_bench), ("motor_file.md", read_motor)])
 def test_complete_files_of_a_reference_are_read(page: str, reads: Callable[[bytes, str], object]) -> None:
     text = (DOCS / page).read_text(encoding="utf-8")
@@ -228,14 +246,19 @@ def _run(command: str) -> int:
 
 def _assert_printed(shown: list[str], printed: str, command: str) -> None:
     """Every line shown was printed, in this order, but for the number of blanks; one that ends in ... as a
-    beginning."""
+    beginning, one that begins with it as an end."""
     rest = iter([_plain(line) for line in printed.splitlines()])
     for line in shown:
         wanted = _plain(line)
         if wanted != LEFT_OUT:
-            begin = wanted.removesuffix(LEFT_OUT).rstrip()
-            fits = (one.startswith(begin) if wanted.endswith(LEFT_OUT) else one == wanted for one in rest)
-            assert any(fits), f"{command}\ndid not print, after the lines before it: {line}\nbut:\n{printed}"
+            found = any(_is_shown(one, wanted) for one in rest)
+            assert found, f"{command}\ndid not print, after the lines before it: {line}\nbut:\n{printed}"
+
+
+def _is_shown(printed: str, wanted: str) -> bool:
+    if wanted.endswith(LEFT_OUT):
+        return printed.startswith(wanted.removesuffix(LEFT_OUT).rstrip())
+    return printed.endswith(wanted.removeprefix(LEFT_OUT)) if wanted.startswith(LEFT_OUT) else printed == wanted
 
 
 def _plain(line: str) -> str:

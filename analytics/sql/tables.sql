@@ -46,7 +46,11 @@ CREATE TABLE base.runs (
     bench VARCHAR, digest VARCHAR, recorded VARCHAR, key JSON, environment JSON, summary JSON
 );
 
-CREATE TABLE base.artefacts (run VARCHAR, kind VARCHAR, file VARCHAR);
+-- `again`: what brings the file back where it is missing.
+CREATE TABLE base.artefacts (run VARCHAR, kind VARCHAR, file VARCHAR, again VARCHAR);
+
+-- Filled by analytics/scans.py: files that could not be read and are in no view, `kind` as in `artefacts` or `samples`.
+CREATE TABLE base.left_out (file VARCHAR, kind VARCHAR, says VARCHAR, again VARCHAR);
 
 -- Of the latest assessment the artefacts are `ageing_checks`, `ageing_specimens` and `ageing_batches`, and `run` is its id.
 CREATE TABLE base.inspections (

@@ -22,7 +22,7 @@ from ingest.errors import UnreadableLogError
 from ingest.log.reading import MIB, Limits, Reader
 from made.places import LOGS
 
-ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EACCES, errno.EMFILE)
+ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EACCES, errno.EMFILE, errno.ESTALE)
 WAYS = (  # a call fails, and whether all after it fail too; but with EACCES Python's `tempfile` would try without end
     *((error, False) for error in ERRORS),
     *((error, True) for error in ERRORS if error != errno.EACCES),

@@ -142,10 +142,13 @@ def head(folder: Path) -> Head:
 
 
 def damages(folder: Path, since: Head | None = None) -> list[str]:
-    """What `verify --read` finds, a line each; nothing where a stopped command had not made the store yet."""
+    """What `verify --read` finds, a line each; nothing where a stopped command had not made the store yet, or had
+    recorded nothing in it and nothing is known of before."""
     if not (folder / "store.json").exists():
         return []
     with Store.open(folder) as store:
+        if since is None and store.ledger.place.stamp() and not any(store.ledger.rows()):
+            return []
         return [one.says for one in check(store, since=since).damages]
 
 

@@ -3,8 +3,10 @@ had to go for good, with the logs that were forgotten."""
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import NamedTuple
 
 from ingest.facts.events import (
@@ -26,6 +28,7 @@ from ingest.facts.facts import Facts
 from ingest.facts.ledger_row import Recorded
 from ingest.facts.standing import without_forgotten
 
+NOTHING: Mapping[str, str] = MappingProxyType({})
 BACKUP = "put it back from a backup of the store"
 
 
@@ -52,8 +55,9 @@ def cited(recorded: Iterable[Recorded]) -> dict[str, Cited]:
     """SHA-256 of each sealed file that an event cites, and that was not forgotten -> which event and what it is."""
     events = list(recorded)
     found: dict[str, Cited] = {}
+    beside = _beside(events)
     for one in events:
-        for file in _cites(one.event):
+        for file in _cites(one.event, beside):
             found[file.sha256] = file._replace(what=f"event {one.position}: {file.what}")
     gone = forgotten(events).files
     return {sha256: file for sha256, file in found.items() if sha256 not in gone}
@@ -110,10 +114,25 @@ def _line(event: Event, logs: Mapping[str, str], sessions: Mapping[str, SessionR
     return next((logs[raw] for raw in raws if raw in logs), next(iter(logs.values())))
 
 
-def _cites(event: Event) -> Iterator[Cited]:
+def _beside(events: Iterable[Recorded]) -> dict[str, str]:
+    """SHA-256 of a log -> the files that it was decoded with last, as words of the command line."""
+    names: dict[str, str] = {}
+    found: dict[str, str] = {}
+    for event in (one.event for one in events):
+        match event:
+            case BenchRegistered() | SignalDatabaseRegistered():
+                names[event.sha256] = shlex.quote(event.name)
+            case DecodeCompleted():
+                bench = f" --bench {names[event.bench]}" if event.bench in names else ""
+                found[event.raw] = bench + "".join(f" --dbc {names[one]}" for one in event.databases if one in names)
+    return found
+
+
+def _cites(event: Event, beside: Mapping[str, str] = NOTHING) -> Iterator[Cited]:
     match event:
         case RawFileSealed():
-            yield Cited(event.sha256, event.name, f"whyhot ingest {event.name}")
+            again = f"whyhot ingest {shlex.quote(event.name)}{beside.get(event.sha256, '')}"
+            yield Cited(event.sha256, event.name, again)
         case SignalDatabaseRegistered():
             yield Cited(event.sha256, event.name, f"whyhot ingest a log of it again with --dbc {event.name}")
         case BenchRegistered():

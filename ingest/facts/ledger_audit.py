@@ -15,6 +15,8 @@ from ingest.facts.ledger_place import DATABASE_ERRORS, SqliteFile
 
 OTHERS = (
     "SELECT type, name FROM sqlite_schema WHERE (type, name) <> ('table', 'stored_events') AND name NOT LIKE 'sqlite_%'"
+    " UNION ALL SELECT 'column', name FROM pragma_table_xinfo('stored_events')"
+    " WHERE name NOT IN ('originator_id', 'originator_version', 'topic', 'state')"
 )
 
 

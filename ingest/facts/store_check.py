@@ -75,11 +75,11 @@ def check(store: Store, read: bool = True, since: Head | None = None, workers: W
     `since` is a head that was noted down before.
     """
     found, place = StoreCheck(), store.ledger.place
-    seen = audit(store.ledger, since)
+    seen = _audited(store, since)
     if seen.findings:
         if isinstance(place, SqliteFile):
             _from_disk(place.path)
-        first, seen = seen, audit(store.ledger, since)
+        first, seen = seen, _audited(store, since)
         if not seen.findings:
             found.hints.append(f"{place.where}: was read wrong at first and right after: {first.findings[0].says}")
     whole = _whole_by(workers, store, seen) if read and workers else set()
@@ -93,6 +93,24 @@ def check(store: Store, read: bool = True, since: Head | None = None, workers: W
         found.hints += _sqlite()
     found.head = None if seen.findings else seen.head
     return found
+
+
+def _audited(store: Store, since: Head | None) -> LedgerHistory:
+    """What `audit` sees; that the ledger's file is gone or empty, or holds no event where sealed or decoded files are,
+    in one line of its own."""
+    place = store.ledger.place
+    if isinstance(place, SqliteFile) and not place.path.exists():
+        says = "is missing"
+    elif isinstance(place, SqliteFile) and place.path.stat().st_size == 0:
+        says = "is an empty file"
+    else:
+        seen = audit(store.ledger, since)
+        sealed, decoded = len([*store.archive]), len(listed(store.files / "decoded", "*"))
+        if seen.position or seen.findings or not sealed + decoded:
+            return seen
+        says = f"holds no event, though {sealed:,} sealed files and {decoded:,} decoded logs are here: its events were "
+        says += "deleted, or the first command of this store was stopped (then give the same command again)"
+    return LedgerHistory(findings=[Flaw(f"{place.where}: {says}")])
 
 
 def _whole_by(workers: Workers, store: Store, seen: LedgerHistory) -> set[tuple[str, str]]:

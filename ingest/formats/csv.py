@@ -95,8 +95,6 @@ class CsvLog(Log):
 
     def _decoded(self, block: bytes, *, first: bool) -> str:
         """A block as text: UTF-8, or cp1252 where it is not UTF-8."""
-        if first and b"\0" in block[:4096]:
-            raise UnreadableLogError(f"{self.path.name}: holds bytes of no text. Export it as CSV in UTF-8.")
         try:
             return block.decode("utf-8-sig" if first else "utf-8").replace("\r\n", "\n")
         except UnicodeDecodeError:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import errno
 import gzip
+import os
 import re
 import zipfile
 import zlib
@@ -26,6 +27,7 @@ ZIP = re.compile(rb"PK(?:\x05\x06|\x03\x04.{26}(?!" + WORKBOOK + rb"))", re.DOTA
 ZSTD = b"\x28\xb5\x2f\xfd"
 BLOCK = 1 << 16  # bytes that are unpacked at once: at most so many are lost before a cut
 MEMBERS = 10_000  # files in an archive, at most
+LONGEST = 255  # bytes of a file's name, as file systems take it
 DAMAGE = (zipfile.BadZipFile, zlib.error, pa.ArrowException, OSError, EOFError, ValueError, NotImplementedError)
 
 
@@ -45,7 +47,7 @@ def unpacked(path: Path, folder: Path) -> tuple[list[Path], list[str]]:
     left = most = most_unpacked(path.stat().st_size)
     try:
         for number, (name, opened) in enumerate(_members(path)):
-            target = folder / str(number) / f"{name} in {path.name}"
+            target = folder / str(number) / _called(name, path.name)
             target.parent.mkdir(parents=True)
             try:
                 left -= _copy(opened, target, left)
@@ -78,6 +80,18 @@ def _members(path: Path) -> Iterator[tuple[str, Callable[[], Any]]]:
                 place = PurePosixPath(one.filename.replace("\\", "/"))
                 if not one.is_dir() and not any(part.startswith((".", "__MACOSX")) for part in place.parts):
                     yield place.name, partial(packed.open, one)
+
+
+def _called(name: str, archive: str) -> str:
+    """What a file in an archive is called; of names too long for a file system the ends."""
+    called = f"{name} in {archive}"
+    return called if len(os.fsencode(called)) <= LONGEST else f"{_end(name)} in {_end(archive)}"
+
+
+def _end(name: str) -> str:
+    """The last bytes of a name, where it takes more than half of the room."""
+    data = os.fsencode(name)
+    return name if len(data) <= LONGEST // 2 - 8 else f"…{data[8 - LONGEST // 2 :].decode('utf-8', 'ignore')}"
 
 
 def _copy(opened: Callable[[], Any], target: Path, most: int) -> int:

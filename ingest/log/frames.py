@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator
-from functools import cache
+from collections.abc import Collection, Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 from ingest.formats import REMOTE, Frames
 from ingest.log.arrow import from_numpy, to_numpy
 from ingest.log.bits import Payloads, Words, extract, padded, raw
-from ingest.log.databases import Message
+from ingest.log.databases import Message, MessageSignal
 from ingest.log.j1939 import no_numbers
 
 Positions = NDArray[np.intp]
@@ -50,21 +49,12 @@ class FrameBatch:
 
         NaN where a frame does not hold a signal: by its multiplexer, or because the signal lies behind the frame's end.
         """
-        payloads, lengths = Payloads(self._data, self.frames.offsets[at]), self.lengths[at]
+        payloads = Payloads(self._data, self.frames.offsets[at])
         by_name = {signal.name: signal for signal in message.signals}
-
-        @cache
-        def present(name: str) -> NDArray[np.bool_]:
-            """A multiplexer may be multiplexed itself."""
-            signal = by_name[name]
-            there: NDArray[np.bool_] = lengths >= signal.layout.bytes_needed
-            if signal.multiplexer is None or not there.any():
-                return there
-            selector = raw(payloads, by_name[signal.multiplexer].layout)
-            return there & present(signal.multiplexer) & np.isin(selector, np.array(signal.when, np.uint64))
+        present = _Present(payloads, self.lengths[at], by_name)
 
         def values(name: str) -> NDArray[np.float64]:
-            there = present(name)
+            there = present.of(name)
             if not there.any():
                 return np.full(len(at), np.nan)
             found = extract(payloads, by_name[name].layout)
@@ -82,3 +72,23 @@ class FrameBatch:
             if count := int((said & there).sum()):
                 counts[f"{message.name}.{name}"] += count
         return ~(error | not_available)
+
+
+class _Present:
+    """Which of M frames hold which signal. (A class, as a cached function that calls itself would keep the payloads of
+    each batch in memory until Python looks for cycles.)"""
+
+    def __init__(self, payloads: Payloads, lengths: NDArray[np.int64], signals: Mapping[str, MessageSignal]) -> None:
+        self._payloads, self._lengths, self._signals = payloads, lengths, signals
+        self._known: dict[str, NDArray[np.bool_]] = {}
+
+    def of(self, name: str) -> NDArray[np.bool_]:
+        """Whether the signal is in each frame (M,). A multiplexer may be multiplexed itself."""
+        if name not in self._known:
+            signal = self._signals[name]
+            there: NDArray[np.bool_] = self._lengths >= signal.layout.bytes_needed
+            if signal.multiplexer is not None and there.any():
+                selector = raw(self._payloads, self._signals[signal.multiplexer].layout)
+                there = there & self.of(signal.multiplexer) & np.isin(selector, np.array(signal.when, np.uint64))
+            self._known[name] = there
+        return self._known[name]

@@ -110,6 +110,8 @@ def _answer(words: list[str]) -> int:
     except ImportError as error:  # another module hides one of ours, or a part is not installed
         say(f"whyhot: {error}", sys.stderr)
         return 2
+    if (word := next((one for one in words if one[:2] == "--" and one.endswith("=--")), None)) is not None:
+        parser.error(f"argument {word[:-3]}: expected one argument")  # argparse would give an empty list
     args = parser.parse_args(words)
     try:
         if args.verb is None:

@@ -37,11 +37,9 @@ def run(args: argparse.Namespace) -> Answer:
         recorded = store.ledger.events()
         known = facts.fold(recorded)
         if QUERY.match(args.what):
-            from analytics import query, warehouse
+            from analytics import query
 
-            with warehouse.refresh(store) as asked:
-                row = query.first_row(asked.connection, args.what, query.SECONDS)
-            found = trace_row(store, recorded, known, row)
+            found = trace_row(store, recorded, known, query.first_row(store, args.what, query.SECONDS))
         else:
             found = trace(store, recorded, known, args.what)
         data = {

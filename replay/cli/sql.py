@@ -20,14 +20,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Answer:
-    from analytics import answer, query, warehouse
+    from analytics import answer, query
     from ingest.facts.store import Store
     from replay.show.words.width import width
 
-    with Store.open(store_folder(args)) as store, warehouse.refresh(store, args.as_of) as opened:
+    with Store.open(store_folder(args)) as store:
         rows = args.rows or query.ROWS
-        result = query.run(opened.connection, args.query, rows, args.seconds or query.SECONDS)
-        data = {"schema": "whyhot.sql/1", **answer.to_json(result), "provenance": provenance(store, as_of=args.as_of)}
+        result, asked = query.ask(store, args.query, rows, args.seconds or query.SECONDS, args.as_of)
+        data = {"schema": "whyhot.sql/1", **answer.to_json(result), "left_out": asked.left_out}
+        data["provenance"] = provenance(store, as_of=args.as_of)
         text = answer.to_csv(result).rstrip("\n") if args.csv else answer.to_text(result, width())
     more = [f"SQL: these are the first {rows:,} rows, there are more: allow more with --rows"] if result.more else []
-    return Answer(data, text, 1 if more and args.rows is None else 0, [*opened.notes, *more])
+    notes = [*asked.notes, *([asked.left_out] if asked.left_out else []), *more]
+    return Answer(data, text, 1 if more and args.rows is None else 0, notes)

@@ -15,7 +15,8 @@ def write(path: Path, rows: SessionRows) -> None:
     since = pa.field("t_s", pa.float64(), metadata={"unit": "s"})
     own = [pa.field(one.name, pa.float64(), metadata=_metadata(one)) for one in rows.columns]
     schema = pa.schema([*stamped, since, *own], metadata={"session": rows.name})
-    with pq.ParquetWriter(path, schema, compression="zstd") as file:
+    # Opened here: Arrow takes no path whose bytes are no UTF-8.
+    with path.open("wb") as made, pq.ParquetWriter(made, schema, compression="zstd") as file:
         for t_ns, values in rows.parts:
             columns = [pa.array(t_ns, stamped[0].type)] if stamped else []
             columns += [pa.array(one, from_pandas=True) for one in (rows.seconds(t_ns), *values.T)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import random
+import re
 import sys
 import tempfile
 import time
@@ -340,28 +341,38 @@ def test_the_second_broken_one_does_not_replace_the_first(store: Store) -> None:
             assert opened.notes[0].endswith(f"broken-{number}")
 
 
-def test_a_missing_parquet_file_is_named_with_what_to_do(store: Store) -> None:
+@pytest.mark.parametrize("harm", ["is missing", "cannot be read as Parquet"])
+def test_what_cannot_be_read_is_named_in_a_line_and_the_rest_answers(store: Store, harm: str) -> None:
     path = on_disk(store.decoded("d2")) / "rows.parquet"
-    path.unlink()
-    with pytest.raises(WarehouseError) as caught:
-        warehouse.refresh(store)
-    assert str(caught.value) == f"{path.absolute()}: is missing: run `whyhot rebuild`"
-    assert not list(store.folder.glob("warehouse*"))
-
-
-def test_a_damaged_parquet_file_is_named_with_what_to_do(store: Store) -> None:
-    path = on_disk(store.decoded("d2")) / "rows.parquet"
-    path.write_bytes(b"no parquet")
-    with pytest.raises(WarehouseError, match=r"rows\.parquet: cannot be read as Parquet .*: run `whyhot rebuild`$"):
-        warehouse.refresh(store)
-
-
-def test_a_missing_residual_file_asks_for_a_backup(store: Store) -> None:
-    ((file,),) = ask(store, "SELECT file FROM base.artefacts WHERE kind = 'residuals'")
-    Path(file).unlink()
+    whole, sessions = path.read_bytes(), ask(store, "FROM sessions")
+    answered = ask(store, "SELECT count(*) FROM samples WHERE channel <> 'oven'")
     (store.folder / "warehouse.duckdb").unlink()
-    with pytest.raises(WarehouseError, match=r"restore it from a backup, then run `whyhot verify`$"):
-        warehouse.refresh(store)
+    path.unlink()
+    if harm != "is missing":
+        path.write_bytes(b"no parquet")
+    for _ in range(2):
+        with warehouse.refresh(store) as opened:
+            assert opened.left_out is not None and opened.left_out.startswith(f"{path.absolute()}: {harm}")
+            assert opened.left_out.endswith(": no answer has what was in it; next: whyhot rebuild")
+            with pytest.raises(WarehouseError, match="next: whyhot rebuild"):
+                opened.needs("samples")
+            opened.needs("residuals")
+        assert ask(store, "FROM sessions") == sessions
+        assert ask(store, "SELECT count(*) FROM samples") == answered
+    path.write_bytes(whole)
+    with warehouse.refresh(store) as opened:
+        assert opened.left_out is None, "it is there again"
+    assert ask(store, "SELECT count(*) FROM samples") > answered
+
+
+def test_a_missing_file_of_a_run_says_which_replay_makes_it_again(store: Store) -> None:
+    for (file,) in ask(store, "SELECT file FROM base.artefacts"):
+        Path(file).unlink()
+    (store.folder / "warehouse.duckdb").unlink()
+    with warehouse.refresh(store) as opened:
+        assert re.search("is missing, and 1 more: .*; next: whyhot replay ", opened.left_out or "")
+        assert opened.connection.execute("SELECT count(*) FROM residuals").fetchone() == (0,)
+        assert opened.connection.execute("SELECT count(*) FROM runs").fetchone() == (1,)
 
 
 def test_files_of_other_schemas_are_read_beside_each_other(store: Store) -> None:

@@ -57,6 +57,7 @@ def evaluated(store: Store, facts: Facts, as_of: str | None) -> list[Evaluated]:
     ids = sorted(bins)  # numbers stand for them: of the rows of a fleet each would hold its own copy of a text
     found = []
     with warehouse.refresh(store, as_of) as opened:
+        opened.needs("samples")
         rows = opened.connection.execute(
             """
             WITH named AS (SELECT session, start, row_number() OVER (ORDER BY session) - 1 AS place FROM sessions),

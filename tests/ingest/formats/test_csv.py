@@ -141,8 +141,13 @@ def test_utf_16_that_ends_inside_a_character_keeps_its_whole_rows(tmp_path: Path
 def test_utf_16_without_its_mark_is_refused_with_what_to_do(tmp_path: Path) -> None:
     with pytest.raises(UnreadableLogError, match=r"log\.csv: is text in UTF-16 without its mark\. Save it in UTF-8\."):
         read(table(tmp_path, "t;T\n0;20\n", encoding="utf-16-le"))
-    with pytest.raises(UnreadableLogError, match=r"log\.csv: holds bytes of no text\. Export it as CSV in UTF-8\."):
-        read(table(tmp_path, "t;T\n" + "0;20\n" * 200 + "\0\n"))
+
+
+@pytest.mark.parametrize("line", ["\0\0\0", "1;2\0", "1;\x1b\u202e", "1;20;;;;" + "9" * 5000])
+def test_a_damaged_line_costs_one_record_that_is_counted(tmp_path: Path, line: str) -> None:
+    rows = [f"{k};{20 + k % 7}" for k in range(200)]
+    log, t_ns, _ = read(table(tmp_path, "\n".join(["t;T", *rows[:100], line, *rows[101:], ""])))
+    assert (log.found, len(t_ns), [one.record for one in log.rejected]) == (200, 199, [100])
 
 
 PREAMBLES = {

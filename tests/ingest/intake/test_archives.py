@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import gzip
 import os
+import re
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -93,6 +94,18 @@ def test_a_damaged_file_does_not_take_the_others_with_it(tmp_path: Path) -> None
     path.write_bytes(data[:-40])
     with pytest.raises(UnreadableLogError, match=r"^night\.zip: is no whole archive \(.+\)\. Copy it again\.$"):
         unpacked(path, tmp_path / "again")
+
+
+def test_a_name_that_is_too_long_for_a_file_system_keeps_its_end(tmp_path: Path) -> None:
+    path = tmp_path / f"{'n' * 150}.zip"
+    with zipfile.ZipFile(path, "w") as packed:
+        for name in (f"{'x' * 300}.csv", f"{'ö' * 100}.csv", "S1.csv"):
+            packed.writestr(name, CSV)
+    files, lines = unpacked(path, tmp_path / "work")
+    assert [file.read_bytes() for file in files] == [CSV] * 3 and lines == []
+    assert re.fullmatch(r"…x+\.csv in …n+\.zip", files[0].name)
+    assert re.fullmatch(r"…ö+\.csv in …n+\.zip", files[1].name)
+    assert files[2].name == f"S1.csv in {path.name}"
 
 
 def test_a_gzip_file_with_a_flipped_byte_is_not_half_believed(tmp_path: Path) -> None:

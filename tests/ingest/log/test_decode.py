@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,6 +21,7 @@ from ingest.formats import EXTENDED, REMOTE, Frames, Log, Rejected, Rows, TimeSp
 from ingest.log import recording, samples
 from ingest.log.databases import Database, load
 from ingest.log.decode import RECORDING, decode_file, decode_id
+from ingest.log.frames import FrameBatch
 from ingest.log.j1939 import Explained
 from ingest.log.plan import groups_of
 from ingest.log.reading import LogReading
@@ -369,6 +372,19 @@ def test_a_channel_without_a_frame_in_this_log_is_said_and_stops_nothing(tmp_pat
     event = decode_file(reading, RAW, [dbc()], bench, known, tmp_path / "one")
     assert event.settings["missing"] == ["T_0", "Shaft", "shaft_power"]
     assert {entry["name"] for entry in event.channels} == {"Speed", "IdFbk", "IqFbk", "current"}
+
+
+def test_a_batch_of_frames_leaves_memory_as_soon_as_it_is_decoded() -> None:
+    batch = FrameBatch(frames([(0, 1, 0x123, 0, bytes(8))]))
+    held, (message, *_) = weakref.ref(batch), dbc().messages.values()
+    gc.disable()
+    try:
+        values = batch.signals(message, np.array([0]))
+        payloads = weakref.ref(batch._data)
+        del batch
+        assert len(values) and held() is None and payloads() is None, "a cycle of objects keeps it"
+    finally:
+        gc.enable()
 
 
 # ---- tables --------------------------------------------------------------------------------------------------------

@@ -250,3 +250,11 @@ def test_a_bench_file_for_frames_needs_a_database(bench: Path, capsys: Capture) 
     assert "bench.toml" in line
     assert "--dbc" in line
     assert not Path("whyhot-store").exists()
+
+
+@pytest.mark.parametrize("word", ["--as-of=--", "--store=--", "--json=--"])
+def test_an_option_without_its_value_is_one_line(capsys: Capture, word: str) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["sessions", word])
+    (line,) = capsys.readouterr().err.splitlines()
+    assert ended.value.code == 2 and line.startswith(f"whyhot: argument {word[:-3]}: expected one argument")

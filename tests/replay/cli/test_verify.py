@@ -96,7 +96,7 @@ def test_damage_says_what_it_affects_what_is_good_and_what_to_do(bench: Path, ca
     assert said.out.startswith("2 findings")
     assert "8 of 10 sealed files" in said.out
     assert "6 of 6 decoded files" in said.out
-    assert "whyhot ingest --store store 2_drive.asc" in said.out
+    assert "whyhot ingest --store store 2_drive.asc --bench bench.toml --dbc bench.dbc" in said.out
     assert main(["ingest", "2_drive.asc", "--bench", "bench.toml", "--dbc", "bench.dbc"]) == 0
     assert main(["replay", "1_s1"]) == 0
     assert main(["verify", "--read"]) == 0, "the steps that were said mend it"
@@ -137,13 +137,14 @@ def test_damage_to_a_motor_and_missing_events_affect_the_sessions_on_them(
         "TRIGGER other AFTER INSERT ON stored_events BEGIN DELETE FROM stored_events WHERE rowid = 1; END",
         "VIEW other AS SELECT * FROM stored_events",
         "TABLE other (a)",
+        "COLUMN other",
     ],
     ids=lambda thing: thing.split()[0],
 )
 def test_what_whyhot_never_made_in_the_database_of_the_ledger_is_found(
     bench: Path, capsys: Capture, thing: str
 ) -> None:
-    _change(f"CREATE {thing}")
+    _change(f"ALTER TABLE stored_events ADD {thing}" if thing.startswith("COLUMN") else f"CREATE {thing}")
     code, _, (first, *_) = _verify(capsys)
     assert code == 1
     assert f"{thing.split()[0].lower()} other: whyhot made none" in first
@@ -157,6 +158,36 @@ def test_a_pipe_in_place_of_a_sealed_file_is_damage_and_nobody_waits_for_it(benc
     code, _, lines = _verify(capsys, "--read")
     assert code == 1
     assert any(log.name in line and "pipe or device" in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("harm", "says"),
+    [
+        ("rows", "holds no event, though 10 sealed files and 2 decoded logs are here"),
+        ("empty", "is an empty file"),
+        ("gone", "is missing"),
+    ],
+)
+def test_a_ledger_without_its_events_is_one_finding(bench: Path, capsys: Capture, harm: str, says: str) -> None:
+    ledger = Path("store/ledger.sqlite")
+    if harm == "rows":
+        _change("DELETE FROM stored_events")
+    else:
+        ledger.unlink()
+    if harm == "empty":
+        ledger.touch()
+    code, answer, _ = _verify(capsys)
+    findings = answer["findings"]
+    assert isinstance(findings, list)
+    assert (code, len(findings)) == (1, 1) and findings[0].startswith(f"{ledger.absolute()}: {says}")
+    assert answer["next"] == [store_check.LEDGER, "whyhot verify --read"]
+
+
+def test_a_new_store_without_logs_is_intact(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("WHYHOT_STORE", str(tmp_path / "store"))
+    with Store.open(tmp_path / "store", create=True):
+        pass
+    assert main(["verify", "--read"]) == 0
 
 
 @pytest.mark.parametrize("harm", ["cut", "empty", "gone"])
@@ -231,7 +262,7 @@ def test_the_head_of_a_report_is_what_verify_takes(bench: Path, capsys: Capture)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="names of folders that only Linux takes")
-@pytest.mark.parametrize("name", ["a?b", "a\\b", "a*[1]{2}", "a'b#%41", os.fsdecode(b"a\xe9b")])
+@pytest.mark.parametrize("name", ["a?b", "a\\b", "a*[1]{2}", "a'b#%41\n", os.fsdecode(b"a\xe9b")])
 def test_a_store_works_under_any_path(bench: Path, capsys: Capture, name: str) -> None:
     Path("odd").mkdir()
     store = ["--store", f"odd/{name}"]
@@ -242,6 +273,7 @@ def test_a_store_works_under_any_path(bench: Path, capsys: Capture, name: str) -
         ["replay", "1_s1"],
         ["report", "1_s1"],
         ["sql", "SELECT count(*) FROM samples"],
+        ["export", "1_s1", "--to", "parquet", "--out", f"{name}.parquet"],
         ["rebuild", "--verify"],
         ["verify", "--read"],
     ):
