@@ -10,7 +10,7 @@ from ingest.catalogue.page import table
 from replay.show.words import words
 from replay.show.words.terminal import labelled
 from replay.show.words.width import width
-from replay.studies.ageing.assessment import AgeingLaw, Assessment, Batch, LivesLaw, Specimen, StressEffect
+from replay.studies.ageing.assessment import AgeingLaw, Assessment, Batch, FleetCounts, LivesLaw, Specimen, StressEffect
 from replay.studies.ageing.whole import rank
 
 ROWS = 12  # specimens or batches in a table; of more, those that stand out most
@@ -63,9 +63,16 @@ def answer(found: Assessment) -> str:
         parts += [f"{words.joined(names)}: {says}." for says, names in told.items() if names]
     else:
         counts = words.joined([f"{count:,} {FORMS[form]}" for form, count in whole.changed.items()])
-        many = f"{sum(whole.changed.values()):,}"
-        parts.append(f"{many} change beyond repeatability" + (f" ({counts})." if counts else "."))
+        parts.append(f"{how_many_change(whole)} beyond repeatability" + (f" ({counts})." if counts else "."))
     return " ".join([*parts, standing_out(found)])
+
+
+def how_many_change(whole: FleetCounts) -> str:
+    """How many specimens change, and of how many, in words."""
+    many = f"{sum(whole.changed.values()):,}"
+    if whole.weighed == whole.specimens:
+        return f"{many} of {whole.specimens:,} change"
+    return f"{many} of {whole.weighed:,} that were drawn by chance change"
 
 
 def course(one: Specimen) -> str:

@@ -91,7 +91,7 @@ def test_an_assessment_survives_its_json_and_its_tables_hold_every_check(tmp_pat
     )
     written = Tables(tmp_path)
     for one in found.specimens:
-        written.add(one, [hours] if one.specimen == "S01" else [])
+        written.add(one, [hours] if one.specimen == "S01" else [], weighed=True)
     (tmp_path / "archive").mkdir()
     archive = Archive(tmp_path / "archive", tmp_path)
     sealed = written.sealed(archive, found.batches)
