@@ -1,8 +1,9 @@
 """What else a bench could observe in a test: a thermocouple more, power, the coolant's heat, a resistance, a flux.
 
-A thermocouple that is there and was not read comes as it is, and a new one is as good as the best that there is. A power or heat is read to `HEAT_SHARE`, power with the mechanical
-power in it; the winding's resistance at standstill without current, as after switch-off; the magnets' flux, by the
-voltage that they induce, where the motor turns without load.
+A thermocouple that is there and was not read comes as it is, and a new one is as good as the best that there is. A
+power or heat is read to `HEAT_SHARE`, power with the mechanical power in it; the winding's resistance at standstill
+without current, as after switch-off; the magnets' flux, by the voltage that they induce, where the motor turns
+without load.
 """
 
 from __future__ import annotations
