@@ -116,5 +116,5 @@ def _layout(sessions: Sequence[SessionSeen]) -> Any:
     ]
     grid = rrb.Grid(*columns, grid_columns=min(FIRST, max(1, len(columns))))
     rows = [key("lines"), grid, rrb.Horizontal(*drive), phases()]
-    tab = rrb.Vertical(*rows, row_shares=[0.8, 6, 1.7, 1.0], name="temperatures")
+    tab = rrb.Vertical(*rows, row_shares=[0.8, 6, 1.7, 1.0 + 0.5 * len(sessions)], name="temperatures")
     return page([tab], [rrb.TextDocumentView(name="answer", origin="/answer")])
