@@ -49,6 +49,7 @@ MACROS = ("resample", "equivalent_hours", "equivalent_hours_10K", "equivalent_ho
 BUILDING = "warehouse-"  # begins the names of folders in which one is being built
 BLOCK = "16384"  # bytes, the least: the tables are small, and each takes a block at least
 MEMORY = "2GiB"  # of a query; what cannot be put on disk meanwhile and needs more is refused with a line
+BUILD_MEMORY = "1536MiB"  # while it is built: the facts of a fleet are in memory beside it
 AT_ONCE = 20_000  # rows of a table
 SPILLED = "20GiB"  # on disk, at most
 SPILLING = "whyhot-sql-"  # begins the name of the folder there
@@ -96,7 +97,7 @@ def build(store: Store, target: Path, source: Mapping[str, str]) -> None:
         _sweep(target.parent, BUILDING)
         with tempfile.TemporaryDirectory(prefix=BUILDING, dir=target.parent) as folder:
             made = Path(folder) / target.name
-            with _database(str(made), default_block_size=BLOCK, memory_limit=MEMORY) as connection:
+            with _database(str(made), default_block_size=BLOCK, memory_limit=BUILD_MEMORY) as connection:
                 fill(connection, rows, source, store.bucket, target.parent / partitions.FOLDER)
                 connection.execute("CHECKPOINT")  # what fails only when it is closed, DuckDB does not say
             made.replace(target)

@@ -98,11 +98,13 @@ def _(batch_rows, cells, folder, motor_rows, words):
 
     bad_batches = [row for row in batches.to_pylist() if row["outlying"]]
     bad_motors = [row for row in rows if row["outlying"]]
+    weighed = [row["significant"] for row in rows if row["significant"] is not None]
+    of_those = "" if len(weighed) == len(rows) else f" of {len(weighed):,} whose courses were weighed"
     answer = [
         words.counted(len(rows), "specimen")
         + (f" in {batches.num_rows} batches, " if batches.num_rows > 1 else ", ")
         + f"{words.counted(sum(row['checks'] for row in rows), 'check')}; "
-        + f"{sum(row['significant'] for row in rows)} change beyond repeatability",
+        + f"{sum(weighed):,}{of_those} change beyond repeatability",
         *(
             f"batch {row['batch']} is not as the others: {sloped(row)}, {row['specimens']} specimens"
             for row in bad_batches

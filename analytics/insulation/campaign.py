@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,8 +27,8 @@ AT_ONCE = 200  # specimens, of which a worker weighs the courses
 @dataclass(frozen=True)
 class Assessed:
     """What checks say of many specimens. `sd` (n,) of ln R of each check, as all that follows weighs it
-    (`Repeatability.of_checks`); `forms` and `remaining` by specimen, where it has a check. Fewer than three specimens
-    leave nothing to say of what remains."""
+    (`Repeatability.of_checks`); `forms` and `remaining` by specimen, where it has a check; `forms` of those whose
+    course was weighed. Fewer than three specimens leave nothing to say of what remains."""
 
     repeatability: Repeatability
     sd: Floats
@@ -45,23 +45,27 @@ def assess(
     sd_K_per_W: ArrayLike,
     workers: Workers | None = None,
     tell: Callable[[str], None] = lambda _: None,
+    whose: Callable[[FleetAssessment], Collection[str]] | None = None,
 ) -> Assessed:
     """Everything that the checks of many specimens say. Arguments have one entry for each check, in any order:
     specimen and batch (n,), dose (n,) [h], R (n,) [K/W] above zero, and what one evaluation leaves uncertain of it
     (n,) [K/W]; how checks repeat comes on top. `workers`: where courses are weighed (None: in this process), the most
-    of the work; the answer does not depend on it. Raises WorkerLostError."""
+    of the work; the answer does not depend on it. `whose`: the specimens whose courses are weighed, by how the fleet's
+    compare; None: all. Raises WorkerLostError."""
     resistance, dose = np.asarray(resistance_K_per_W, np.float64), np.asarray(dose_h, np.float64)
     ln_r = np.log(resistance)
     repeats = repeatability.estimate(specimen, dose, ln_r)
     sd = repeats.of_checks(np.asarray(sd_K_per_W, np.float64) / resistance)
-    rows: dict[str, list[int]] = {}
-    for i, name in enumerate(specimen):
-        rows.setdefault(name, []).append(i)
-    series = [_Series(name, dose[at], ln_r[at], sd[at], repeats.degrees_of_freedom) for name, at in rows.items()]
-    found = dict(_forms(series, workers, tell))
     with _one_thread():
         left = {one.specimen: one for one in remaining.remaining(specimen, batch, dose, ln_r, sd)}
         fleet = outlying.assess(specimen, batch, dose, ln_r, sd, FALSE_DISCOVERY_RATE)
+    chosen = set(specimen if whose is None else whose(fleet))
+    rows: dict[str, list[int]] = {}
+    for i, name in enumerate(specimen):
+        if name in chosen:
+            rows.setdefault(name, []).append(i)
+    series = [_Series(name, dose[at], ln_r[at], sd[at], repeats.degrees_of_freedom) for name, at in rows.items()]
+    found = dict(_forms(series, workers, tell))
     return Assessed(repeats, sd, {name: found[name] for name in rows}, fleet, left)
 
 

@@ -29,7 +29,7 @@ COMMENT ON COLUMN fleet_health.specimen IS 'Which motor or stator';
 COMMENT ON COLUMN fleet_health.batch IS 'The batch that it belongs to';
 COMMENT ON COLUMN fleet_health.checks IS 'Number of its checks';
 COMMENT ON COLUMN fleet_health.dose_h IS 'Hours above the threshold (180 degC) at its last check';
-COMMENT ON COLUMN fleet_health.form IS 'none, monotone, dip_then_rise or changepoint: the form of the path of the resistance over the dose';
+COMMENT ON COLUMN fleet_health.form IS 'none, monotone, dip_then_rise or changepoint: the form of the path of the resistance over the dose. Of a large fleet some courses are weighed only: null of the others, and so are significant and the slope';
 COMMENT ON COLUMN fleet_health.form_probability IS 'How probable that form is';
 COMMENT ON COLUMN fleet_health.significant IS 'True where repeatability alone does not explain what was seen';
 COMMENT ON COLUMN fleet_health.slope_percent_per_100h IS 'Change of the resistance in percent per 100 h of dose in its last branch; positive is worse';

@@ -10,8 +10,9 @@ WITH described AS (
 logs AS (  -- of a log that was forgotten there is no group
     SELECT
         f.session, sum(f.last_record - f.first_record + 1)::BIGINT AS records,
-        string_agg(concat_ws(' ', f.decode, f.first_record, f.last_record, g.groups, d.channels), ', ' ORDER BY f.decode, f.first_record)
-            AS logs
+        -- as a hash: a motor's rows stand in a fleet's table in as many places as there are
+        md5(string_agg(concat_ws(' ', f.decode, f.first_record, f.last_record, g.groups, d.channels), ', '
+            ORDER BY f.decode, f.first_record)) AS logs
     FROM base.session_files AS f
     LEFT JOIN described AS d ON d.decode = f.decode
     LEFT JOIN (SELECT decode, count(*) AS groups FROM base.groups GROUP BY decode) AS g ON g.decode = f.decode

@@ -143,8 +143,7 @@ def lay(
     matched = match(*runs, by)
     if not len(matched.first):
         raise IngestError(
-            f"{names}: have no minute in common: {' and '.join(by)} are nowhere alike for so long. "
-            "Compare runs of one test."
+            f"{names}: {' and '.join(by)} are in no minute alike, so nothing can be compared. Compare runs of one test."
         )
     shares = [len(matched.first) / len(run.drive[by[0]]) for run in runs]
     found = differences(first, second, runs, matched, earlier)

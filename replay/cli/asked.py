@@ -49,8 +49,11 @@ def asked(args: argparse.Namespace, write: bool = True) -> Iterator[Asked]:
 
 
 def sessions_of(known: Facts, texts: Sequence[str]) -> list[SessionRecorded]:
-    """The sessions of these ids or names, each once."""
-    return [known.session(text) for text in dict.fromkeys(texts)]
+    """The sessions of these ids or names, each once and in the store's order: however they are named, it is one
+    question."""
+    from ingest.facts.sessions import order
+
+    return sorted({one.session: one for one in map(known.session, texts)}.values(), key=order)
 
 
 def left_out(store: Store, known: Facts, sessions: Sequence[SessionRecorded], model: str) -> list[str]:

@@ -85,6 +85,7 @@ def assessment(*specimens: Specimen, batches: list[Batch] | None = None) -> Asse
         whole=FleetCounts(
             specimens=len(specimens),
             checks=sum(len(one.checks) for one in specimens),
+            weighed=len(specimens),
             changed=dict(Counter(one.form for one in specimens if one.significant)),
             outlying=sum(one.outlying for one in specimens),
             density=None,

@@ -20,6 +20,7 @@ from twin.diagnosis.next_tests import Proposed
 from twin.errors import PlanError
 from twin.fitting.model import Floats, Test
 from twin.motor.outputs import BLOCK_S
+from twin.motor.sensor import Sensor
 from twin.planning.courses import MINUTES, REST_MIN, BenchRange, blocks, courses, cut, joined, rest
 from twin.planning.detectable import Prospect
 from twin.planning.gathered import Gathered, Untried, sensor_parameters
@@ -130,9 +131,9 @@ class Day:
     refused: tuple[tuple[str, str], ...]
 
 
-def plan_day(found: Prospect, hours: float, only: Collection[str], tell: Tell) -> Day:
-    """The tests that tell most an hour, in the order in which they do, within so many hours. Raises `PlanError` where
-    no test can be run or none tells anything."""
+def plan_day(found: Prospect, hours: float, only: Collection[str], tell: Tell, beyond: Sequence[Sensor] = ()) -> Day:
+    """The tests that tell most an hour, in the order in which they do, within so many hours. `beyond`: thermometers
+    that are there and were not read. Raises `PlanError` where no test can be run or none tells anything."""
     base = found.ground.fit.model
     wanted, bench = Wanted.of(found, only), BenchRange.of(base.network, base.tests)
     tell("weighing tests")
@@ -153,7 +154,7 @@ def plan_day(found: Prospect, hours: float, only: Collection[str], tell: Tell) -
     (told,) = untried.would_tell([len(course.speed)])
     before, after = wanted.d(known), wanted.d(known + told)
     tell("weighing what else could be observed")
-    observing = _Observing(found, wanted, bench.test(course), told)
+    observing = _Observing(found, wanted, bench.test(course), told, beyond)
     promise = Promise(
         before,
         after,
@@ -280,9 +281,9 @@ def _within_limits(
 class _Observing:
     """What each thing more to observe over the whole day tells, beside the recorded tests and the day."""
 
-    def __init__(self, found: Prospect, wanted: Wanted, test: Test, told: Gathered) -> None:
+    def __init__(self, found: Prospect, wanted: Wanted, test: Test, told: Gathered, beyond: Sequence[Sensor]) -> None:
         base = found.ground.fit.model
-        more = observing(base.network, test, base.tests)
+        more = observing(base.network, test, base.tests, beyond)
         self.wanted, self.known = wanted, found.ground.known + told
         self.nodes = {channel.name: channel.sensor.node for channel in more.channels}
         self.left = found.ground.untried(more, sensor_parameters(base, more)).each_would_tell()

@@ -1,8 +1,9 @@
 """What else a bench could observe in a test: a thermocouple more, power, the coolant's heat, a resistance, a flux.
 
-A new sensor is as good as the best that there is. A power or heat is read to `HEAT_SHARE`, power with the mechanical
-power in it; the winding's resistance at standstill without current, as after switch-off; the magnets' flux, by the
-voltage that they induce, where the motor turns without load.
+A thermocouple that is there and was not read comes as it is, and a new one is as good as the best that there is. A
+power or heat is read to `HEAT_SHARE`, power with the mechanical power in it; the winding's resistance at standstill
+without current, as after switch-off; the magnets' flux, by the voltage that they induce, where the motor turns
+without load.
 """
 
 from __future__ import annotations
@@ -29,22 +30,27 @@ FLUX_PER_K = -0.0011  # NdFeB's remanence: -0.09 to -0.13 % a kelvin
 TURNS = 0.1  # of the top speed: slower, the induced voltage is too small
 
 
-def observing(network: Network, test: Test, tests: Sequence[Test]) -> Test:
+def observing(network: Network, test: Test, tests: Sequence[Test], beyond: Sequence[Sensor] = ()) -> Test:
     """The test with all that it could observe besides and nothing else, each under a name in words; `tests`: the
-    recorded ones. What its own meters measure is observed already."""
+    recorded ones; `beyond`: thermometers that are there and were not read. What its own meters measure is observed
+    already."""
     has = {(meter.what.quantity, meter.what.boundary) for meter in test.meters}
     length = len(test.frame.features)
     channels = read_throughout(
-        [RecordedChannel(s, np.zeros(0), np.zeros(0), np.zeros(0)) for s in _thermocouples(network, test)], length
+        [RecordedChannel(s, np.zeros(0), np.zeros(0), np.zeros(0)) for s in _thermocouples(network, test, beyond)],
+        length,
     )
     meters = _meters(network, test, mean_loss_W(network, tests))
     new = tuple(meter for meter in meters if (meter.what.quantity, meter.what.boundary) not in has)
     return replace(test, channels=channels, meters=new)
 
 
-def _thermocouples(network: Network, test: Test) -> Iterator[Sensor]:
-    seen = {node for channel in test.channels for node in channel.sensor.weights}
-    best = min((c.sensor for c in test.channels), key=lambda s: (s.bias_sd, s.noise, s.time_constant_s))
+def _thermocouples(network: Network, test: Test, beyond: Sequence[Sensor]) -> Iterator[Sensor]:
+    there = [channel.sensor for channel in test.channels]
+    seen = {node for sensor in (*there, *beyond) for node in sensor.weights}
+    best = min(there, key=lambda s: (s.bias_sd, s.noise, s.time_constant_s))
+    for sensor in beyond:
+        yield replace(sensor, name=f"{sensor.name}, which is there")
     for node in network.nodes:
         if node.name not in seen:
             yield replace(best, name=f"a sensor at {node.name}", weights={node.name: 1.0})

@@ -109,7 +109,7 @@ def assess(
     dose, y, s = dose[order], y[order], s[order]
     distinct = np.unique(dose)
     if len(distinct) < LEAST_DOSES:
-        return _unknown(f"{len(distinct)} different doses: {LEAST_DOSES} are needed at least")
+        return unknown(f"{len(distinct)} different doses: {LEAST_DOSES} are needed at least")
     span = float(distinct[-1] - distinct[0])
     places, x = (distinct - distinct[0]) / span, (dose - dose[0]) / span
     coarse = courses_of_all(places, x, COARSE_TURNS)
@@ -130,7 +130,8 @@ def assess(
     return _changing(name, probabilities, p_value, float(dose[0]), span, drawn)
 
 
-def _unknown(why: str) -> Form:
+def unknown(why: str) -> Form:
+    """The form of checks of which nothing is said, and why: as probable as before looking."""
     probabilities = {NONE: PRIOR_NONE, **{form: (1.0 - PRIOR_NONE) / len(CHANGING) for form in CHANGING}}
     return Form(NONE, probabilities, why=why)
 

@@ -6,7 +6,7 @@ import io
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -119,11 +119,14 @@ def law_of(store: Store, facts: Facts, model: str | None, above_degC: float) -> 
     return insulation_law(network, above_degC)
 
 
-def states_left(checks: Sequence[Check | None], law: Ageing) -> list[dict[str, float] | None]:
-    """The state that each check of a specimen leaves (`twin.insulation.ageing_state.State`), in the order of their
+def states_left(specimens: Sequence[Sequence[Check | None]], law: Ageing) -> list[list[dict[str, float] | None]]:
+    """The state that each check of each specimen leaves (`twin.insulation.ageing_state.State`), in the order of their
     doses; None where the check has no dose or no resistance."""
-    states = iter(filtered([check for check in checks if check], law))
-    return [asdict(next(states)) if check else None for check in checks]
+    each = map(iter, filtered([[check for check in checks if check] for checks in specimens], law))
+    return [
+        [dict(vars(next(states))) if check else None for check in checks]
+        for checks, states in zip(specimens, each, strict=True)
+    ]
 
 
 def _hour_features(network: Network) -> dict[str, float]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from replay.show.plots.plots import WIDTH
 from replay.show.words import words
-from replay.show.words.figure import FigureTable, Plot, inline_svg, style
+from replay.show.words.figure import FigureTable, Plot, fitting, inline_svg, style
 from replay.show.words.palette import COLOURS, INK, SOFT
 from replay.studies.ageing.assessment import Assessment, Batch, Density, Specimen
 
@@ -150,8 +150,7 @@ def _draw_course(ax: Axes, one: Specimen) -> None:
     if one.change_at_dose_h is not None and one.significant:
         ax.axvline(one.change_at_dose_h, color=INK[0], linewidth=0.7, linestyle=(0, (1, 2)))
     batch = f" ({one.batch})" if one.batch else ""
-    name = f"{one.specimen}{batch}"
-    name = name if len(name) <= 24 else f"{name[:11]}…{name[-12:]}"
+    name = fitting(f"{one.specimen}{batch}", 24)
     form = one.form.replace("_", " ") if one.significant else "no change"
     ax.set_title(f"{name}: {form}", fontsize=8.5, loc="left", pad=3)
 
@@ -242,17 +241,13 @@ def _draw_forest(ax: Axes, shown: Sequence[Specimen], batches: Mapping[str | Non
                     va="center",
                     fontsize=7,
                 )
-            labels.append(_cut(f"batch {batch.batch}, {batch.specimens}"))
+            labels.append(fitting(f"batch {batch.batch}, {batch.specimens}", 20))
         before = one.batch
         slope, sd = one.fleet_slope_percent_per_100h or 0.0, one.fleet_slope_sd or 0.0
         colour = COLOURS[1] if one.outlying else COLOURS[0]
         ax.errorbar(slope, len(labels), xerr=1.96 * sd, fmt="o", color=colour, markersize=3, elinewidth=0.8)
-        labels.append(_cut(one.specimen))
+        labels.append(fitting(one.specimen, 20))
     return labels
-
-
-def _cut(name: str) -> str:
-    return name if len(name) <= 20 else f"{name[:9]}…{name[-10:]}"
 
 
 def _forest_table(known: Sequence[Specimen], batches: Mapping[str | None, Batch]) -> FigureTable:

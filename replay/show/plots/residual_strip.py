@@ -13,7 +13,7 @@ from replay.engine.results.run import Observed, Run
 from replay.show.plots.error_maps import residual_colours
 from replay.show.plots.plots import STRIP, WIDTH, draw_driving, driving, over_session, time_axis
 from replay.show.words import words
-from replay.show.words.figure import BOTTOM, LEFT, MOVING, RIGHT, FigureTable, Plot, inline_svg, style
+from replay.show.words.figure import BOTTOM, LEFT, MOVING, RIGHT, FigureTable, Plot, fitting, inline_svg, style
 from replay.show.words.findings import direction, mean_error, worst_first
 from replay.show.words.palette import SOFT
 
@@ -91,8 +91,7 @@ def _draw(run: Run, shown: Sequence[Observed], means: Floats, columns: int) -> F
 def _rows(axes: Axes, shown: Sequence[Observed]) -> None:
     names = [words.name(one.node) for one in shown]
     names = [name if names.count(name) == 1 else one.channel for name, one in zip(names, shown, strict=True)]
-    cut = [name if len(name) <= 19 else f"{name[:8]}…{name[-10:]}" for name in names]
-    axes.set_yticks(np.arange(len(shown)) + 0.5, cut, fontsize=7.5)
+    axes.set_yticks(np.arange(len(shown)) + 0.5, [fitting(name, 19) for name in names], fontsize=7.5)
     axes.tick_params(axis="y", length=0)
     axes.invert_yaxis()
     axes.grid(False)

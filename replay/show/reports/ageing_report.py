@@ -34,9 +34,9 @@ def write_ageing_report(found: Assessment, target: Path, context: ReportContext)
 def courses_title(found: Assessment) -> str:
     """How many courses go beyond repeatability, and which is steepest."""
     changed = [one for one in found.specimens if one.significant and one.slope_percent_per_100h is not None]
-    many = sum(found.whole.changed.values())
+    many = ageing.how_many_change(found.whole)
     if not changed:
-        return f"{many:,} of {found.whole.specimens:,} change" if many else "No specimen changes beyond repeatability"
+        return many if found.whole.changed else "No specimen changes beyond repeatability"
     worst = max(changed, key=lambda one: one.slope_percent_per_100h or 0.0)
     steepest = f"{worst.slope_percent_per_100h:+.1f} % per 100 h".replace("-", "−")
-    return f"{many:,} of {found.whole.specimens:,} change beyond repeatability: {worst.specimen} most, R {steepest}"
+    return f"{many} beyond repeatability: {worst.specimen} most, R {steepest}"

@@ -138,7 +138,7 @@ def _gain(diagnosis: Diagnosis) -> Iterator[str]:
         yield from _before_and_after(gains, of)
     else:
         yield " · ".join(_at(gain, of) for gain in gains)
-    outside = f"{100 * max(g.outside_trained_share for g in gains):.0f} % of the time outside trained points"
+    outside = f"{100 * max(g.outside_trained_share for g in gains):.0f} % of the time where nothing was learnt"
     interval = f"95 % intervals {gains[0].interval}; " if diagnosis.fitted_with else ""
     yield f"{words.joined(diagnosis.held_out_names)}; {interval}{outside}"
     yield from gain_notes(diagnosis)
@@ -180,9 +180,11 @@ def gain_notes(diagnosis: Diagnosis) -> list[str]:
     notes = []
     if diagnosis.log_score_gain is not None and diagnosis.log_score_gain_lower is not None:
         score, lower = verdict.figures(diagnosis.log_score_gain), verdict.figures(diagnosis.log_score_gain_lower)
-        notes.append(f"log score of the kept sessions, fitted, {score} higher, at least {lower}")
+        notes.append(
+            f"kept sessions are more probable with the cause: log score, fitted, {score} higher, at least {lower}"
+        )
     if diagnosis.few_kept_data:
-        notes.append("few kept data: under 8 independent blocks, so the interval is rough")
+        notes.append("few kept data: under 8 independent blocks, so the intervals are rough")
     if diagnosis.opened_before:
         notes.append("not a first look: an earlier diagnosis opened these kept sessions")
     return notes

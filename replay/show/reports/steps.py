@@ -10,8 +10,7 @@ from replay.studies.diagnosis.answer import ChainStep, Diagnosis
 
 CALLED = {-1: "as published", 0: "recalibrated"}
 JUDGES = {
-    "evidence": "evidence alone lets a term in; how well each session is predicted from the others is shown and gates "
-    "nothing",
+    "evidence": "evidence alone decides on a term; how well each session is predicted from the others is only shown",
     "sessions left out": "what is left is far above a lumped model's own error, so the file's form is wrong: a term is "
     "let in only where sessions predicted from the others ask for it too",
     "few sessions": "what is left is far above a lumped model's own error, so the file's form is wrong; fewer than 4 "

@@ -90,11 +90,11 @@ def _told(diagnosis: Diagnosis, found: TwoModels) -> Iterator[str]:
 
 
 def _relieved(found: TwoModels) -> str:
-    """ "coefficients that it relieves: conductance jacket-coolant −2.3 sd without it, −0.2 sd with it; ..."."""
+    """ "coefficients that move less with it: conductance jacket-coolant −2.3 sd without it, −0.2 sd with it; ..."."""
     if not found.relieved:
         return "it relieves no coefficient by half of its sd or more"
     told = [f"{one.parameter} {_sd(one.before_sd)} without it, {_sd(one.after_sd)} with it" for one in found.relieved]
-    return f"coefficients that it relieves: {'; '.join(told)}"
+    return f"coefficients that move less with it: {'; '.join(told)}"
 
 
 def _sd(value: float) -> str:

@@ -10,7 +10,7 @@ from ingest.catalogue.page import table
 from replay.show.words import words
 from replay.show.words.terminal import labelled
 from replay.show.words.width import width
-from replay.studies.ageing.assessment import AgeingLaw, Assessment, Batch, LivesLaw, Specimen, StressEffect
+from replay.studies.ageing.assessment import AgeingLaw, Assessment, Batch, FleetCounts, LivesLaw, Specimen, StressEffect
 from replay.studies.ageing.whole import rank
 
 ROWS = 12  # specimens or batches in a table; of more, those that stand out most
@@ -39,7 +39,7 @@ def ageing_text(found: Assessment) -> str:
 
 def says(found: Assessment) -> list[tuple[str, str]]:
     """Name and text of all that the answer rests on: repeatability, rules, law, lives, other stresses."""
-    rules = f"{words.joined(found.rules)}; a range goes from the rule that gives least to the one that gives most"
+    rules = f"what an hour at another temperature is worth: {words.joined(found.rules)}; a range spans what they give"
     parts = [
         ("R", f"thermal resistance of the insulation; repeatability {found.repeatability_from}"),
         ("Rules", rules),
@@ -47,7 +47,7 @@ def says(found: Assessment) -> list[tuple[str, str]]:
     parts += [("Law", _law(found.law))] if found.law else []
     parts += [("Life", _lives(found.life.law, found.criterion))] if found.life.law else []
     parts += [("Stress", text) for text in _stress(found)]
-    return [*parts, ("Life used", f"hours at {found.threshold_degC:g} °C that the dose is worth, of 20,000 h")]
+    return [*parts, ("Life used", f"what the dose is worth at {found.threshold_degC:g} °C, as a share of 20,000 h")]
 
 
 def answer(found: Assessment) -> str:
@@ -63,9 +63,16 @@ def answer(found: Assessment) -> str:
         parts += [f"{words.joined(names)}: {says}." for says, names in told.items() if names]
     else:
         counts = words.joined([f"{count:,} {FORMS[form]}" for form, count in whole.changed.items()])
-        many = f"{sum(whole.changed.values()):,}"
-        parts.append(f"{many} change beyond repeatability" + (f" ({counts})." if counts else "."))
+        parts.append(f"{how_many_change(whole)} beyond repeatability" + (f" ({counts})." if counts else "."))
     return " ".join([*parts, standing_out(found)])
+
+
+def how_many_change(whole: FleetCounts) -> str:
+    """How many specimens change, and of how many, in words."""
+    many = f"{sum(whole.changed.values()):,}"
+    if whole.weighed == whole.specimens:
+        return f"{many} of {whole.specimens:,} change"
+    return f"{many} of {whole.weighed:,} that were drawn by chance change"
 
 
 def course(one: Specimen) -> str:
@@ -173,7 +180,7 @@ def _stress(found: Assessment) -> Iterator[str]:
     together = [one for one in known if one.not_told_from]
     if together:
         names, alone = words.joined([one.name for one in together]), " or ".join(map(_effect, together))
-        yield f"{names} go together in these sessions: {alone}, if one does it all; cycles of another length would tell"
+        yield f"{names} cannot be told apart here: {alone}, if it were one alone; cycles of another length would tell"
 
 
 def _effect(one: StressEffect) -> str:

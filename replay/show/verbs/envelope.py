@@ -107,7 +107,7 @@ def _table(found: Envelope) -> Iterator[str]:
     head = (f"{unit} borne at", *map(duration, DURATIONS_S))
     yield from table(head, rows, width(), right=range(1, len(head)))
     if any(one.node is None for of_speed in found.borders for one in of_speed):
-        yield "at least: the most load that was recorded at that speed; no limit is reached there"
+        yield "at least: with the largest load recorded at that speed no limit is reached"
     nodes = {one.node for of_speed in found.borders for one in of_speed if one.node}
     yield f"limited by {words.joined(sorted(map(words.name, nodes)))}" if nodes else "no node reaches its limit"
 

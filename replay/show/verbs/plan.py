@@ -92,10 +92,10 @@ def plan_text(found: Planned) -> str:
     lines += ["", *labelled("Heat", _heat(found))]
     if found.day.observed:
         told = [f"{words.name(step.what)} ({step.gain_nat:.3f})" for step in found.day.observed]
-        lines += labelled("Observe", f"what would add most to this day, one after the other: {words.joined(told)}")
+        lines += labelled("Observe", f"what would add most to this day [nat], the best first: {words.joined(told)}")
     if found.day.refused:
         count, (test, why) = len(found.day.refused), found.day.refused[0]
-        lines += labelled("Cannot be run", f"{words.counted(count, 'test')} of the menu, as {test}: {why}")
+        lines += labelled("Cannot be run", f"{words.counted(count, 'test')} of those looked at, such as {test}: {why}")
     return "\n".join(lines)
 
 
@@ -151,7 +151,8 @@ def _usual_K(one: Detectable) -> float:
 
 
 def _chain(found: Planned) -> Iterator[str]:
-    head = f"The next bench day, {words.counted(found.day.weighed, 'test')} weighed; adds: expected information [nat]"
+    weighed = words.counted(found.day.weighed, "test")
+    head = f"The next bench day, {weighed} weighed; with what each adds to what is known [nat]"
     yield from textwrap.wrap(head, width())
     for number, step in enumerate(found.day.steps, 1):
         head = f"{number}  {step.gain_nat:.3f}  {step.hours:.1f} h  {step.proposed.words}"
@@ -162,7 +163,7 @@ def _heat(found: Planned) -> str:
     node, hottest, high = _hottest(found)
     of = "its limit" if found.prospect.limits.stated else f"its hottest so far plus {HOTTER_K:.0f} K"
     return (
-        f"nearest to {of} comes the {words.name(node)}: {hottest:.0f} °C, at most {high:.0f} °C (95 %), with "
+        f"the {words.name(node)} comes nearest to {of}: {hottest:.0f} °C, at most {high:.0f} °C (95 %), with "
         f"{found.day.rest_min} min of rest after each test; the plan believes its motor file"
     )
 

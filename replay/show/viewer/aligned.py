@@ -12,7 +12,8 @@ from ingest.catalogue.channels import ChannelData
 from ingest.morning.matching import block_length, blocks, driven_by, match, operating
 from ingest.texts.quantities import STORED_UNIT
 from replay.errors import ViewerError
-from replay.show.viewer.blueprint import FIRST, key, page, series
+from replay.show.viewer import beside
+from replay.show.viewer.blueprint import FIRST, key, page, phases, series
 from replay.show.viewer.layer_file import LayerFile
 from replay.show.viewer.seen import SessionSeen, path, unit
 from replay.show.words import words
@@ -25,8 +26,9 @@ SECOND_NS = 1_000_000_000
 
 def write_aligned(sessions: Sequence[SessionSeen], way: str, folder: Path) -> Path:
     """One .rrd with the courses of `sessions` by time since their starts (`way` "start") or since the first one's,
-    each shifted to where it was driven alike for longest ("test"): a colour a session, a panel a node, measured thick,
-    the last model thin. Raises ViewerError where there are more than 7 sessions, or no such stretch."""
+    each shifted to where it was driven alike for longest ("test"): a colour a session, a panel a node, measured
+    thick, the last model thin; residuals with zero and the sensors' bands, phases below. Raises ViewerError where
+    there are more than 7 sessions, or no such stretch."""
     if len(sessions) > len(COLOURS):
         raise ViewerError(f"--align shows {len(COLOURS)} sessions at most: leave {len(sessions) - len(COLOURS)} out.")
     zeros = [one.session.start_ns for one in sessions]
@@ -68,6 +70,7 @@ def _later(first: SessionSeen, other: SessionSeen) -> int:
 def _session(to: LayerFile, seen: SessionSeen, zero: int, colour: str) -> None:
     name = seen.session.name
     for channel in (channel for channel in seen.channels if channel.t_ns.size):
+        beside.phases(to, channel, name, zero=zero)
         says = f"{name}: {channel.spec.name} [{unit(channel.spec)}]"
         if where := _where(channel):
             place, t_ns = path(*where, name, channel.spec.name), channel.t_ns - zero
@@ -85,6 +88,8 @@ def _session(to: LayerFile, seen: SessionSeen, zero: int, colour: str) -> None:
         to.line(where_, says, colour, MODEL_WIDTH, o.t_ns - zero, o.modelled)
         residual = np.where(o.used, seen.recorded(o).residual, np.nan)
         to.line(path("residual", o.node, name, o.channel), f"{name} [K]", colour, MODEL_WIDTH, o.t_ns - zero, residual)
+        beside.band(to, o, name, zero=zero)
+        beside.masked(to, o, name, zero)
 
 
 def _where(channel: ChannelData) -> tuple[str, str] | None:
@@ -102,7 +107,7 @@ def _layout(sessions: Sequence[SessionSeen]) -> Any:
     columns = []
     for node in nodes:
         above = series(f"{words.capital(words.name(node))} [°C]", [f"+ /{path('node', node)}/**"])
-        below = series("measured − model [K]", [f"+ /{path('residual', node)}/**"])
+        below = series("measured − model [K]", [f"+ /{path('residual', node)}/**", f"+ /{path('band', node)}/**"])
         columns.append(rrb.Vertical(above, below, row_shares=[3, 2]))
     driven = {channel.spec.quantity for one in sessions for channel in operating(one.channels).values()}
     drive = [
@@ -110,5 +115,6 @@ def _layout(sessions: Sequence[SessionSeen]) -> Any:
         for quantity in sorted(driven)
     ]
     grid = rrb.Grid(*columns, grid_columns=min(FIRST, max(1, len(columns))))
-    tab = rrb.Vertical(key("lines"), grid, rrb.Horizontal(*drive), row_shares=[0.8, 6, 1.7], name="temperatures")
+    rows = [key("lines"), grid, rrb.Horizontal(*drive), phases()]
+    tab = rrb.Vertical(*rows, row_shares=[0.8, 6, 1.7, 1.0 + 0.5 * len(sessions)], name="temperatures")
     return page([tab], [rrb.TextDocumentView(name="answer", origin="/answer")])

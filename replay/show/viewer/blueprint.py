@@ -45,8 +45,7 @@ def _first(seen: SessionSeen) -> Any:
     import rerun.blueprint as rrb
 
     columns = [_node(seen, node) for node in seen.observed[:FIRST]]
-    phases = _states("phases and masked samples", "+ /phase/**", "+ /masked/**")
-    rows = [key("lines"), rrb.Horizontal(*columns), inputs(seen.channels), phases]
+    rows = [key("lines"), rrb.Horizontal(*columns), inputs(seen.channels), phases()]
     return rrb.Vertical(*rows, row_shares=[0.8, 6, 1.7, 1.0], name="temperatures")
 
 
@@ -189,10 +188,12 @@ def inputs(channels: Sequence[ChannelData]) -> Any:
     return rrb.Horizontal(*views, name="inputs")
 
 
-def _states(name: str, *contents: str) -> Any:
+def phases() -> Any:
+    """When the motor turned, what state channels said, and which samples are not used."""
     import rerun.blueprint as rrb
 
-    return rrb.StateTimelineView(name=name, origin="/", contents=list(contents), time_view=_whole())
+    contents = ["+ /phase/**", "+ /masked/**"]
+    return rrb.StateTimelineView(name="phases and masked samples", origin="/", contents=contents, time_view=_whole())
 
 
 def _whole() -> Any:

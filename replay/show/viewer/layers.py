@@ -20,14 +20,13 @@ from numpy.typing import NDArray
 
 from ingest.catalogue.channels import ChannelData
 from replay.engine.results.run import Run
-from replay.show.viewer import blueprint
+from replay.show.viewer import beside, blueprint
 from replay.show.viewer.layer_file import LayerFile
 from replay.show.viewer.network_layer import draw_motor
 from replay.show.viewer.seen import (
     COLOUR,
     CORRECTED,
     ESTIMATED,
-    GUIDE,
     MEASURED,
     SMOOTHED,
     SessionSeen,
@@ -38,14 +37,9 @@ from replay.show.viewer.seen import (
 )
 from replay.show.words import words
 from replay.show.words.findings import answer, finding, worst_first
-from replay.show.words.palette import SERIES
 
 BAND_SD = 2.0  # the band holds 95 % where the errors are normal
 WIDE, MIDDLE, THIN = 2.4, 1.5, 0.8  # of lines
-STILL = 0.01  # of the highest speed: below it a motor stands
-PHASES = {"turns": SERIES["sky"][0], "stands": GUIDE}
-MASKED = {"used": GUIDE, "masked": SERIES["yellow"][0]}
-PHASE_S = 10.0  # shorter standstills and turns are not told
 
 
 def write_layers(seen: SessionSeen, folder: Path) -> list[Path]:
@@ -77,14 +71,10 @@ def write_layers(seen: SessionSeen, folder: Path) -> list[Path]:
 def _measured(to: LayerFile, seen: SessionSeen) -> None:
     """What was recorded, at its own rate: temperatures of nodes, inputs by quantity, states as phases."""
     for channel in (channel for channel in seen.channels if channel.t_ns.size):
-        where = measured_path(channel)
-        if channel.spec.quantity == "state":
-            changes = np.flatnonzero(np.r_[True, np.diff(channel.value) != 0])
-            to.states(where, channel.t_ns[changes], [words.number(value) for value in channel.value[changes]])
-            continue
-        if channel.spec.quantity == "speed" and channel.spec.role == "input":
-            _turning(to, channel)
-        to.line(where, f"{channel.spec.name} [{unit(channel.spec)}]", MEASURED, WIDE, channel.t_ns, channel.value)
+        beside.phases(to, channel)
+        if channel.spec.quantity != "state":
+            where, says = measured_path(channel), f"{channel.spec.name} [{unit(channel.spec)}]"
+            to.line(where, says, MEASURED, WIDE, channel.t_ns, channel.value)
 
 
 def measured_path(channel: ChannelData) -> str:
@@ -95,16 +85,6 @@ def measured_path(channel: ChannelData) -> str:
     if spec.quantity == "temperature" and spec.role == "observed":
         return path("measured", spec.node or spec.name, spec.name)
     return path("ignored" if spec.role == "ignored" else "inputs", spec.quantity, spec.name)
-
-
-def _turning(to: LayerFile, speed: ChannelData) -> None:
-    """Where the motor turned and where it stood, as a phase."""
-    turns = np.abs(speed.value) > STILL * np.abs(speed.value).max(initial=1.0)
-    changes = np.flatnonzero(np.r_[True, np.diff(turns)])
-    lasts = np.diff(np.r_[speed.t_ns[changes], speed.t_ns[-1]]) / 1e9
-    kept = changes[(lasts >= PHASE_S) | (changes == 0)]
-    told = kept[np.r_[True, np.diff(turns[kept].astype(int)) != 0]]
-    to.states(path("phase", "motor"), speed.t_ns[told], ["turns" if turns[i] else "stands" for i in told], PHASES)
 
 
 def _model(to: LayerFile, seen: SessionSeen, role: str, run: Run) -> None:
@@ -123,22 +103,10 @@ def _model(to: LayerFile, seen: SessionSeen, role: str, run: Run) -> None:
             to.line(where, f"{o.channel} as corrected for {label}", CORRECTED, THIN, o.t_ns, o.measured)
     to.line(path("heat", layer[1]), f"the network's heat {label} [W]", colour, MIDDLE, run.t_ns[:-1], run.losses_W)
     if run is seen.first:
-        _guides(to, run)
+        for o in run.observed:
+            beside.band(to, o)
+            beside.masked(to, o, layer[1])
         _events(to, run)
-
-
-def _guides(to: LayerFile, run: Run) -> None:
-    """Zero and the sensor's own band beside the residuals, and the stretches of samples that are not used."""
-    for o in run.observed:
-        ends = o.t_ns[[0, -1]]
-        for name, value in {"zero": 0.0, "from": -o.floor_K, "to": o.floor_K}.items():
-            says = "zero" if name == "zero" else f"{o.channel}'s own uncertainty"
-            width = MIDDLE if name == "zero" else THIN
-            to.line(path("band", o.node, o.channel, name), says, GUIDE, width, ends, np.full(2, value))
-        if not o.used.all():
-            changes = np.flatnonzero(np.r_[True, np.diff(o.used)])
-            states = ["used" if o.used[i] else "masked" for i in changes]
-            to.states(path("masked", words.short(run.model), o.channel), o.t_ns[changes], states, MASKED)
 
 
 def _events(to: LayerFile, run: Run) -> None:

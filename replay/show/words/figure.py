@@ -11,20 +11,24 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from unicodedata import east_asian_width
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
+from matplotlib.textpath import text_to_path
 from scipy.optimize import isotonic_regression
 
-from ingest.texts.plain import plain
+from ingest.texts.plain import plain, plain_line
 from replay.show.words.palette import INK, SOFT, with_variables
 
+FONT = "DejaVu Sans"
 STYLE: Any = {
     "svg.fonttype": "none",
     "font.family": ["sans-serif"],
-    "font.sans-serif": ["DejaVu Sans"],  # laid out with this; the page shows its own system font
+    "font.sans-serif": [FONT],  # laid out with this; the page shows its own system font
     "font.size": 8.5,
     "text.parse_math": False,  # names may hold a dollar sign
     "text.color": INK[0],
@@ -59,7 +63,8 @@ HOOKS = {LINE_ID: "data-line", AXES_ID: "data-axes", MOVING: "data-band", "xtick
 HOOKS |= {PART_ID: "data-part", FLOW_ID: "data-flow", SAYS_ID: "data-says"}
 LEFT, BOTTOM = 0.112, 0.42  # share of the width, inches: for the axes' titles
 RIGHT = 0.835  # share of the width at which the axes end: names stand behind it
-LONGEST = 18  # letters of a name there; a longer one loses its middle
+LONGEST = 18  # letters of a name there; a longer or wider one loses its middle
+LETTER_EM = 0.55  # width of a usual letter
 LINE = 11 / 72  # inches: height of a name at the end of a line
 
 
@@ -135,7 +140,7 @@ def inline_svg(figure: Figure, label: str) -> str:
         text = text.replace(f' id="{told}', f' {attribute}="')
     text = re.sub(r" id=\"([^\"]*)\"", lambda m: m[0] if f"#{m[1]}" in referred else "", text)
     text = re.sub(r" d=\"[^\"]*\"", lambda m: re.sub(r"(\.\d\d)\d+", r"\1", m[0]), text)
-    text = text.replace("xlink:href", "href").replace("'DejaVu Sans'", "system-ui").replace("\n", " ")
+    text = text.replace("xlink:href", "href").replace(f"'{FONT}'", "system-ui").replace("\n", " ")
     box = re.search(r"viewBox=\"[^\"]*\"", text)
     assert box is not None, "matplotlib writes a viewBox"
     opening = f'<svg {box[0]} role="img" aria-label="{html.escape(plain(label))}">'
@@ -174,6 +179,18 @@ def kept_apart(axes: Axes, names: Sequence[tuple[float, str]]) -> list[tuple[flo
 
 
 def fitting(name: str, longest: int = LONGEST) -> str:
-    """A name that fits beside the axes: both ends tell it from its neighbours."""
-    half = longest // 2
-    return name if len(name) <= longest else f"{name[: half - 1]}…{name[-half:]}"
+    """A name as it is shown, in the room that so many usual letters take: both ends tell it from its neighbours."""
+    shown = plain_line(name)
+    for length in range(min(len(shown), longest), 1, -1):
+        cut = shown if length == len(shown) else f"{shown[: length - length // 2 - 1]}…{shown[-(length // 2) :]}"
+        if _ems(cut) <= LETTER_EM * longest:
+            return cut
+    return shown[:1]
+
+
+def _ems(text: str) -> float:
+    """How wide a text is, in font sizes; East Asian letters, which the font does not have, as wide as a W."""
+    drawn = "".join("W" if east_asian_width(letter) in "WF" else letter for letter in text)
+    return float(
+        text_to_path.get_text_width_height_descent(drawn, FontProperties(family=FONT, size=1.0), ismath=False)[0]
+    )

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from ingest.errors import IngestError
 from ingest.facts import facts as ledger_facts
 from ingest.facts.events import AgeingAssessed, CalibrationCompleted, DiagnosisCompleted, ReplayCompleted
+from ingest.facts.sessions import order
 from ingest.facts.store import Store
 from replay.engine.runs.campaign import replay_sessions
 from replay.errors import ReplayDataError, ReplayError
@@ -44,7 +45,7 @@ def redo(store: Store, tell: Callable[[str], None] = lambda _: None) -> list[Red
 
 def _again(store: Store, old: Stale, tell: Callable[[str], None]) -> str:
     facts, event = ledger_facts.at(store.ledger), old.event
-    sessions, kept = ([facts.session(one) for one in ids] for ids in (old.sessions, old.kept))
+    sessions, kept = (sorted(map(facts.session, ids), key=order) for ids in (old.sessions, old.kept))
     if not sessions and isinstance(event, DiagnosisCompleted):
         raise ReplayDataError(f"all that it learnt from is gone: `whyhot retract {old.name.split()[-1]} --reason TEXT`")
     match event:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from hashlib import sha256
 from typing import TYPE_CHECKING, Any
@@ -40,20 +40,22 @@ from replay.studies.ageing.history import History, Point, histories, is_check, o
 from replay.studies.ageing.lives import lives_of
 from replay.studies.ageing.stress import beside_heat, stress_of
 from replay.studies.ageing.tables import Tables
-from replay.studies.ageing.whole import MOST, density, rank
+from replay.studies.ageing.whole import MOST, SAMPLE, density, drawn, rank
 from twin.insulation.ageing_state import Check as Seen
 from twin.motor.ageing_law import Ageing
 
 if TYPE_CHECKING:
     from analytics.insulation.campaign import Assessed
     from analytics.insulation.courses.forms import FittedCourse
-    from analytics.insulation.fleet.outlying import BatchHealth, SpecimenHealth
+    from analytics.insulation.fleet.outlying import FleetAssessment, SpecimenHealth
 
 Floats = NDArray[np.float64]
 Tell = Callable[[str], None]
 
 CRITERION = "conductivity -50 %"
 NOTES = 20  # of single specimens
+NOT_WEIGHED = f"its course was not weighed: of a fleet {MOST} that stand out most are, and {SAMPLE:,} drawn by chance"
+AT_ONCE = 1000  # specimens whose states are in memory together
 BATCH = [field.name for field in fields(Batch)]
 
 
@@ -136,6 +138,7 @@ def _assessed(
     names = sorted(known, key=natural)
     tell("weighing the courses")
     rows = [(name, point) for name in names for point in known[name].points if point.usable]
+    by_chance = drawn(names)
     found = campaign.assess(
         [name for name, _ in rows],
         [batches.get(name) for name, _ in rows],
@@ -144,23 +147,24 @@ def _assessed(
         [point.sd or 0.0 for _, point in rows],
         workers,
         tell,
+        lambda fleet: by_chance.union(_held(names, batches, fleet)),
     )
     repeats, of_each = found.repeatability, iter(found.sd.tolist())
     sd = {name: [next(of_each) if point.usable else None for point in known[name].points] for name in names}
     law = law_of(store, facts, motor, arrhenius.THRESHOLD_DEGC)
     compared = {one.specimen: one for one in found.fleet.specimens}
-    held = _held(names, batches, compared, found.fleet.batches)
+    held = _held(names, batches, found.fleet)
     specimens: dict[str, Specimen] = {}
     surest: Specimen | None = None
-    for name in names:
-        one = _specimen(name, batches.get(name), known[name], sd[name], found, compared.get(name), law)
+    for name, left in _left(names, known, sd, law):
+        one = _specimen(name, batches.get(name), known[name], sd[name], left, found, compared.get(name))
         surest = max((surest, one), key=_surely_changed)
         if written:
-            written.add(one, known[name].hours)
+            written.add(one, known[name].hours, weighed=name in found.forms or name not in compared)
         if name in held:
             specimens[name] = one
     fleet_law, stress = _law(found, surest), stress_of(rows, found.sd)
-    changed = Counter(form.name for form in found.forms.values() if form.significant)
+    changed = Counter(form.name for name, form in found.forms.items() if form.significant and name in by_chance)
     return Assessment(
         assessment=identity,
         motor=facts.models[motor].motor if motor else None,
@@ -181,6 +185,7 @@ def _assessed(
         whole=FleetCounts(
             specimens=len(names),
             checks=sum(len(history.points) for history in known.values()),
+            weighed=len(by_chance),
             changed=dict(changed.most_common()),
             outlying=sum(one.outlying for one in found.fleet.specimens),
             density=density(
@@ -200,16 +205,12 @@ def _assessed(
     )
 
 
-def _held(
-    names: Sequence[str],
-    batches: Mapping[str, str],
-    compared: Mapping[str, SpecimenHealth],
-    of_batches: Sequence[BatchHealth],
-) -> list[str]:
+def _held(names: Sequence[str], batches: Mapping[str, str], fleet: FleetAssessment) -> list[str]:
     """The specimens that the answer holds, in its order: all in the order of names, or of many the first by `rank`."""
     if len(names) <= MOST:
         return list(names)
-    place = rank({one.batch for one in of_batches if one.outlying})
+    place = rank({one.batch for one in fleet.batches if one.outlying})
+    compared = {one.specimen: one for one in fleet.specimens}
 
     def of(name: str) -> tuple[bool, bool, float]:
         one = compared.get(name)
@@ -276,23 +277,34 @@ def _unnamed(facts: Facts) -> list[str]:
     return [f"{count} checks without a specimen are left out: ingest them again with --specimen S."] if count else []
 
 
+def _left(
+    names: Sequence[str], known: Mapping[str, History], sd: Mapping[str, Sequence[float | None]], law: Ageing
+) -> Iterator[tuple[str, list[dict[str, float] | None]]]:
+    """Each specimen with the state that each of its points leaves, `AT_ONCE` of them at a time."""
+    for first in range(0, len(names), AT_ONCE):
+        some = names[first : first + AT_ONCE]
+        checks = [list(map(_as_filtered, known[name].points, sd[name])) for name in some]
+        yield from zip(some, states_left(checks, law), strict=True)
+
+
 def _specimen(
     name: str,
     batch: str | None,
     history: History,
     sd: Sequence[float | None],
+    left: Sequence[dict[str, float] | None],
     found: Assessed,
     compared: SpecimenHealth | None,
-    law: Ageing,
 ) -> Specimen:
     from analytics.insulation.courses import forms
     from analytics.insulation.dose.arrhenius import LIFE_H
 
-    form = found.forms.get(name) or forms.assess([], [], [])
+    form = found.forms.get(name) or (
+        forms.unknown(compared.why or NOT_WEIGHED) if compared else forms.assess([], [], [])
+    )
     life = found.remaining.get(name)
     worth = history.worth
     first = next((point.resistance for point in history.points if point.usable), None)
-    left = states_left([_as_filtered(point, own) for point, own in zip(history.points, sd, strict=True)], law)
     last = next((point.dose_h for point in reversed(history.points) if point.dose_h is not None), None)
     return Specimen(
         specimen=name,

@@ -195,10 +195,12 @@ class Density:
 @dataclass(frozen=True, kw_only=True)
 class FleetCounts:
     """All specimens, of which an answer holds a part where they are many: how many with how many checks, how many
-    change in which form and stand out; `density` in place of their courses, where these are too many to tell apart."""
+    stand out; `changed`: how many of `weighed` change in which form, all or as many of them drawn by chance; `density`
+    in place of their courses, where these are too many to tell apart."""
 
     specimens: int
     checks: int
+    weighed: int
     changed: dict[str, int]
     outlying: int
     density: Density | None
@@ -274,6 +276,7 @@ def _of_all(specimens: Sequence[Specimen]) -> FleetCounts:
     return FleetCounts(
         specimens=len(specimens),
         checks=sum(len(one.checks) for one in specimens),
+        weighed=len(specimens),
         changed=dict(Counter(one.form for one in specimens if one.significant).most_common()),
         outlying=sum(one.outlying for one in specimens),
         density=None,
@@ -282,7 +285,7 @@ def _of_all(specimens: Sequence[Specimen]) -> FleetCounts:
 
 def _read_whole(data: Mapping[str, Any]) -> FleetCounts:
     density = Density(**data["density"]) if data["density"] else None
-    return FleetCounts(**{**data, "density": density})
+    return FleetCounts(**{"weighed": data["specimens"], **data, "density": density})
 
 
 def _read_life(data: Mapping[str, Any]) -> AssessedLives:

@@ -127,7 +127,7 @@ def histories(
     for name, sessions in by_specimen.items():
         logs = [session for session in sessions if session.session not in rows]
         tell(f"reading {name}")
-        history = _of_logs(store, facts, motor, logs)
+        history = _of_logs(store, facts, motor, logs) if logs else History()
         given = [(session, row) for session in sessions for row in rows.get(session.session, ())]
         found[name] = _with_tables(history, given) if given else history
     return found

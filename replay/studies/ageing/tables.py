@@ -15,6 +15,9 @@ from replay.engine.results.artefacts import table_writer
 from replay.studies.ageing.assessment import Batch, DcCheck, HotHours, Specimen
 
 AT_ONCE = 10_000  # rows that wait to be written together
+UNTOLD = dict.fromkeys(  # of a course that was not weighed
+    ("form", "form_probability", "significant", "change_at_dose_h", "slope_percent_per_100h", "slope_low", "slope_high")
+)
 
 
 class Tables:
@@ -29,13 +32,14 @@ class Tables:
         self._writers = {kind: table_writer(self._files[kind], self._schemas[kind]) for kind in kinds}
         self._waiting: dict[str, list[Mapping[str, Any]]] = {kind: [] for kind in kinds}
 
-    def add(self, one: Specimen, hours: Sequence[HotHours]) -> None:
-        """The rows of a specimen; `hours` of its sessions, which are not in the answer: they are many."""
+    def add(self, one: Specimen, hours: Sequence[HotHours], weighed: bool) -> None:
+        """The rows of a specimen; `hours` of its sessions, which are not in the answer: they are many. `weighed`:
+        whether its course was; nothing is told of it otherwise."""
         whose = {"specimen": one.specimen, "batch": one.batch}
         self._add("hours", (whose | row for session in hours for row in _hour_rows(session)))
         self._add("cycles", (vars(cycle) | whose for cycle in one.cycles))
         self._add("checks", (_check_row(check) | whose for check in one.checks))
-        self._add("specimens", [_specimen_row(one)])
+        self._add("specimens", [_specimen_row(one) | ({} if weighed else UNTOLD)])
 
     def sealed(self, archive: Archive, batches: Iterable[Batch]) -> dict[str, str]:
         """Kind -> SHA-256 of its Parquet file in the archive. Nothing can be added afterwards."""

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
+from hashlib import sha256
+from heapq import nsmallest
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +15,7 @@ from replay.studies.ageing.assessment import Density
 Floats = NDArray[np.float64]
 
 MOST = 200  # specimens in an answer: of a larger fleet those that stand out most, all others in SQL
+SAMPLE = 1000  # specimens of which it is told how many change: of a larger fleet as many, drawn by chance
 LINES = 60  # specimens whose courses can be told apart in one picture: more are a density
 CELLS = (60, 40)  # of the density, along dose and R
 DRAWN = 0.005  # of all checks are left outside the picture at either end of R
@@ -27,6 +30,11 @@ def rank(bad: Collection[str]) -> Callable[[bool, str | None, float | None], tup
         return not outlying, batch not in bad, math.inf if score is None else -score
 
     return place
+
+
+def drawn(names: Iterable[str]) -> set[str]:
+    """`SAMPLE` of the specimens at most, by the SHA-256 of their names: as good as by chance, and always the same."""
+    return set(nsmallest(SAMPLE, names, key=lambda name: sha256(name.encode()).digest()))
 
 
 def density(specimen: Sequence[str], dose_h: Floats, resistance: Floats) -> Density | None:

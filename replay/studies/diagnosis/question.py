@@ -84,7 +84,7 @@ def key_of(question: Question, code: str) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Campaign:
-    """The training sessions as the twin takes them."""
+    """The training sessions as the twin takes them. `beyond`: thermometers of theirs that the level leaves out."""
 
     network: Network
     tests: tuple[Test, ...]
@@ -93,6 +93,7 @@ class Campaign:
     observed: tuple[Sensor, ...]
     inputs: tuple[InputChannel, ...]
     loaded: Sequence[Sequence[ChannelData]]
+    beyond: tuple[Sensor, ...] = ()
 
 
 def campaign_of(question: Question) -> Campaign:
@@ -113,30 +114,30 @@ def without_tests(
 ) -> Campaign:
     """What may be the cause by these channels of sessions, which are no tests yet; `sessions`: their names, where they
     will be those to learn from."""
-    observed, inputs = _channels(loaded, network, level)
+    observed, beyond, inputs = _channels(loaded, network, level)
     candidates = generate(network, observed, inputs, sessions)
     ripple = [RIPPLE] if "current" in [i.name for i in inputs] and "current" in network.scale else []
     monomials = tuple(dict.fromkeys([*added_monomials(candidates), *ripple]))
-    return Campaign(network, (), candidates, monomials, observed, inputs, loaded)
+    return Campaign(network, (), candidates, monomials, observed, inputs, loaded, beyond)
 
 
 def _channels(
     loaded: Sequence[Sequence[ChannelData]], network: Network, level: str
-) -> tuple[tuple[Sensor, ...], tuple[InputChannel, ...]]:
-    """What is observed and what drives, over all sessions."""
+) -> tuple[tuple[Sensor, ...], tuple[Sensor, ...], tuple[InputChannel, ...]]:
+    """What is observed, what would be but for the level, and what drives, over all sessions."""
     nodes = {node.name for node in network.nodes}
     observed: dict[str, Sensor] = {}
+    beyond: dict[str, Sensor] = {}
     inputs: dict[str, InputChannel] = {}
     for channel in (c for channels in loaded for c in channels):
         spec = channel.spec
         sensor = sensor_of(channel)
         if spec.role == "observed" and spec.quantity == "temperature" and set(sensor.weights) <= nodes:
-            if level in ("testing", spec.level):
-                observed.setdefault(spec.name, sensor)
+            (observed if level in ("testing", spec.level) else beyond).setdefault(spec.name, sensor)
         elif spec.role == "input" or (spec.role == "observed" and spec.quantity == "temperature"):
             name = spec.node or spec.quantity if spec.quantity == "temperature" else spec.quantity
             inputs.setdefault(name, InputChannel(name, channel.buses[0]))
-    return tuple(observed.values()), tuple(inputs.values())
+    return tuple(observed.values()), tuple(beyond.values()), tuple(inputs.values())
 
 
 def kept_of(question: Question, campaign: Campaign) -> list[Test]:

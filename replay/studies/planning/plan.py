@@ -84,6 +84,6 @@ def _planned(
 ) -> Planned:
     tell("weighing what the sessions show")
     found = prospect(mode, campaign.candidates)
-    day = plan_day(found, hours, only, tell)
+    day = plan_day(found, hours, only, tell, campaign.beyond)
     bench = BenchRange.of(campaign.network, campaign.tests)
     return Planned(campaign.network, model, tuple(sessions), listed, bench, found, day)

@@ -32,6 +32,13 @@ def test_the_answer_is_the_same_with_workers(monkeypatch: pytest.MonkeyPatch) ->
     assert said[-1] == "weighed the courses of 5 of 5 specimens"
 
 
+def test_courses_are_weighed_of_the_specimens_that_are_chosen_by_how_all_compare() -> None:
+    alone = campaign.assess(**checks())
+    some = campaign.assess(**checks(), whose=lambda fleet: [one.specimen for one in fleet.specimens[1:3]])
+    assert some.forms == {name: alone.forms[name] for name in ("S1", "S2")}
+    assert (some.fleet, some.remaining) == (alone.fleet, alone.remaining)
+
+
 def test_specimens_that_no_worker_can_weigh_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(campaign, "each", lambda _, jobs, __: ((job, Lost()) for job in jobs))
     with pytest.raises(WorkerLostError, match="the courses of S0 to S4: the process that worked on it ended"):

@@ -52,7 +52,7 @@ def test_what_earlier_runs_differed_by_is_a_floor_too() -> None:
 
 
 def test_runs_of_other_operating_points_are_not_compared() -> None:
-    with pytest.raises(IngestError, match=r"^a and b: have no minute in common: speed and torque"):
+    with pytest.raises(IngestError, match=r"^a and b: speed and torque are in no minute alike"):
         lay(run(1), [channel("n", "speed", [9e3] * 900), channel("M", "torque", [1.0] * 900)], (), "a and b")
 
 

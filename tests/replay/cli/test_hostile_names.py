@@ -13,6 +13,7 @@ import pytest
 
 from ingest.texts.plain import STEERING, plain, plain_line
 from made import can_bench
+from made.browser import faults
 from made.places import ROOT
 from made.runs import made_run
 from made.seen import network, seen_channels, seen_session
@@ -24,6 +25,7 @@ from replay.show.viewer.seen import SessionSeen
 Capture = pytest.CaptureFixture[str]
 NASTY = "\x1b[2J\x9b31m\u202egnp\u2028\x07<img src=x onerror=alert(1)>[a](b)"
 LONG = NASTY + "m" * (200 - len(NASTY))
+BROAD = {"TC_winding": "W" * 190, "TC_yoke": "\u6e29" * 190}  # letters that are broader than others
 SIGNALS = ("MotorSpeed", "PhaseCurrent", "TC_winding", "TC_yoke", "TC_magnet", "TC_coolant")
 
 
@@ -44,13 +46,13 @@ def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     text = can_bench.BENCH.replace("servo-01", json.dumps(NASTY)[1:-1])
     text = text.replace('[[channel]]\nsignal = "MotorTorque"\nquantity = "torque"\nunit = "Nm"\n', "")
     for name in SIGNALS:
-        text = text.replace(f'signal = "{name}"', f"signal = {json.dumps(name + LONG)}")
+        text = text.replace(f'signal = "{name}"', f"signal = {json.dumps(name + BROAD.get(name, LONG))}")
     attributes = f"attributes = {{inverter = {json.dumps(NASTY)}}}\n"
     Path(f"b{NASTY}.toml").write_text(text.replace("[[channel]]", attributes + "[[channel]]", 1), encoding="utf-8")
     speed, current = can_bench.drive(120, 1)
     temperatures = can_bench.truth(speed, current, 30.0)
     rows = [f"{k},{speed[10 * k]},{current[10 * k]},{','.join(map(str, temperatures[k]))},30" for k in range(120)]
-    head = ",".join(["time", *(f"{name}{LONG}" for name in SIGNALS)])
+    head = ",".join(["time", *(f"{name}{BROAD.get(name, LONG)}" for name in SIGNALS)])
     with Path(f"1{NASTY}.csv").open("w", encoding="utf-8", newline="\n") as file:
         file.write("\n".join([head, *rows]) + "\n")
     return tmp_path
@@ -96,7 +98,9 @@ def test_names_are_shown_escaped_on_the_terminal_and_in_the_report(
         assert not STEERING.search(page) and "<img" not in page
         assert "\\u001b[2J" in page
     head = (bench / "samples.csv").read_text(encoding="utf-8").splitlines()[0]
-    assert not STEERING.search(head) and head.count("\\u001b[2J") == len(SIGNALS)
+    assert not STEERING.search(head) and head.count("\\u001b[2J") == len(SIGNALS) - len(BROAD)
+    for path in ("morning.html", "site/index.html"):
+        assert faults(bench / path) == [], path
 
 
 def test_names_are_shown_escaped_in_the_viewer(tmp_path: Path) -> None:

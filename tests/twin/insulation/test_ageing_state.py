@@ -62,20 +62,26 @@ def told(state: State) -> tuple[float, ...]:
 @pytest.mark.parametrize("doses", [DOSES, (30.0, 42.0, 90.0)])
 def test_each_state_is_the_gaussian_of_the_checks_so_far(doses: tuple[float, ...]) -> None:
     checks = course(doses)
-    for k, state in enumerate(filtered(checks, LAW)):
+    for k, state in enumerate(filtered([checks], LAW)[0]):
         expected = as_state(*conditioned(checks, LAW, k + 1), k, doses[k])
         assert told(state) == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
+def test_specimens_side_by_side_have_the_states_that_each_has_alone() -> None:
+    many = [course(DOSES), [], course((30.0, 42.0, 90.0), seed=4), course(DOSES[:2], seed=5)]
+    assert filtered(many, LAW) == [filtered([checks], LAW)[0] for checks in many]
+    assert filtered([], LAW) == []
+
+
 def test_a_first_check_when_new_says_nothing_of_a_factor() -> None:
-    (state,) = filtered([Check(0.0, -2.5, 0.024)], LAW)
+    ((state,),) = filtered([[Check(0.0, -2.5, 0.024)]], LAW)
     assert (state.factor, state.ln_factor_sd) == (1.0, 0.0)
     assert (state.rate_per_100h, state.rate_sd) == pytest.approx((LAW.rate, LAW.rate_sd))
 
 
 def test_two_sure_checks_give_the_factor_that_lies_between_them() -> None:
     law = Ageing(180.0, 0.0, sd=10.0)
-    first, last = filtered([Check(0.0, math.log(0.050), 1e-6), Check(100.0, math.log(0.055), 1e-6)], law)
+    ((first, last),) = filtered([[Check(0.0, math.log(0.050), 1e-6), Check(100.0, math.log(0.055), 1e-6)]], law)
     assert first.factor == 1.0
     assert last.factor == pytest.approx(0.050 / 0.055, rel=1e-6)
     share = 0.1**2 / (0.1**2 + WALK**2)
@@ -100,6 +106,6 @@ def test_the_law_alone_is_a_course_without_checks() -> None:
 
 def test_falling_doses_and_sure_checks_are_refused() -> None:
     with pytest.raises(ValueError, match="check 2: dose 5 h after 12 h"):
-        filtered([Check(12.0, 0.0, 0.02), Check(5.0, 0.0, 0.02)], LAW)
+        filtered([[Check(12.0, 0.0, 0.02), Check(5.0, 0.0, 0.02)]], LAW)
     with pytest.raises(ValueError, match="sd 0"):
-        filtered([Check(12.0, 0.0, 0.0)], LAW)
+        filtered([[Check(12.0, 0.0, 0.0)]], LAW)

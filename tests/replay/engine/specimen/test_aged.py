@@ -370,9 +370,9 @@ def test_as_of_an_earlier_time_later_assessments_and_sessions_are_not_known(camp
 
 def test_checks_leave_states_where_they_have_dose_and_resistance(opened: Opened) -> None:
     known = [Check(0.0, math.log(0.050), 0.03), Check(24.0, math.log(0.053), 0.02)]
-    first, *none, last = states_left([known[0], None, None, known[1]], LAW)
+    ((first, *none, last),) = states_left([[known[0], None, None, known[1]]], LAW)
     assert none == [None, None]
-    expected = filtered(known, LAW)
+    (expected,) = filtered([known], LAW)
     assert [State(**(one or {})) for one in (first, last)] == list(expected)
     (entry,) = opened.with_states(("b", 28.0, expected[0])).of("old", "aged").ageing
     assert entry.factor == pytest.approx(by_law(DOSE_h, LAW).factor, abs=1e-4)

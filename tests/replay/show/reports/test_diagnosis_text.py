@@ -105,7 +105,7 @@ def test_the_gain_lists_better_worse_and_unchanged_nodes() -> None:
         "magnet 10.1 -> 6.4 -> 2.3 K (fitted 9.0 -> 6.1 -> 0.9 K, 5.2 better (4.1 to 6.0), reading moved by −1.7 K)"
     ) in text
     assert "unchanged by the cause: endwinding a outer 0.7 K (fitted 0.3 K)" in text
-    assert "4_s1 and 5_wltp; 95 % intervals within these sessions; 8 % of the time outside trained points" in text
+    assert "4_s1 and 5_wltp; 95 % intervals within these sessions; 8 % of the time where nothing was learnt" in text
     worse = "rotor surface 7.6 -> 0.5 -> 0.6 K (fitted 7.7 -> 0.5 -> 0.6 K, 0.1 worse (0.1 to 0.2))"
     assert worse in flat(diagnosis_text(NOT_IMPROVED))
 
@@ -178,8 +178,8 @@ def test_a_calibration_that_is_worse_says_so_first_and_an_extended_model_that_is
 
 def test_the_two_models_are_told_apart() -> None:
     assert flat("\n".join(paragraphs(NAMED))) == (
-        "coefficients that it relieves: conductance jacket-coolant −2.3 sd without it, −0.2 sd with it; loss of teeth "
-        "near 8,000 rpm +1.4 sd without it, +0.4 sd with it "
+        "coefficients that move less with it: conductance jacket-coolant −2.3 sd without it, −0.2 sd with it; loss of "
+        "teeth near 8,000 rpm +1.4 sd without it, +0.4 sd with it "
         "without a sensor furthest apart: rotor core, 1.2 K in the mean of the kept sessions, 3.4 K at most "
         "(5_wltp 0:31:00) "
         f"of 2 operating points furthest apart: {NO_LOAD}, rotor core −7.4 K with it "
@@ -187,7 +187,7 @@ def test_the_two_models_are_told_apart() -> None:
         f"sensor at rotor core, 7.4 K apart in {NO_LOAD}, 15 times what one may be off"
     )
     assert paragraphs(ABSORBED) == []
-    assert "Two models coefficients that it relieves" in flat(diagnosis_text(NAMED))
+    assert "Two models coefficients that move less with it" in flat(diagnosis_text(NAMED))
     assert "Two models" not in diagnosis_text(ABSORBED)
     assert "- without a sensor furthest apart: rotor core" in answer_markdown(NAMED)
 
@@ -518,7 +518,9 @@ def test_the_viewer_tells_what_is_beyond_usual_too() -> None:
 
 def test_several_terms_are_told_step_by_step() -> None:
     told = flat(diagnosis_text(SEVERAL))
-    assert "Step by step evidence alone lets a term in; how well each session is predicted from the others is" in told
+    assert (
+        "Step by step evidence alone decides on a term; how well each session is predicted from the others is" in told
+    )
     assert "mean error over the nodes of each session predicted from the others, then of kept" in told
     assert "as published: 9.00 K (magnet 6.0, rotor surface 12.0); kept 7.50 K" in told
     assert "recalibrated: 6.00 K (magnet 4.0, rotor surface 8.0), 3 of 3 sessions better; kept 5.10 K" in told

@@ -68,9 +68,9 @@ def test_stresses_are_said_apart_where_they_are_told_apart_and_as_one_or_other_w
 
     assert "Stress R +40.0 % ± 9.0 % each 100 h (discharge), all specimens together" in said(heat, cycles, discharge)
     assert (
-        "Stress heat and cycles go together in these sessions: R +24.0 % ± 2.0 % each 100 h above 180 °C or R −2.9 % "
+        "Stress heat and cycles cannot be told apart here: R +24.0 % ± 2.0 % each 100 h above 180 °C or R −2.9 % "
         "± 0.3 % each cycle, "
-        "if one does it all" in said(heat, cycles, nothing)
+        "if it were one alone" in said(heat, cycles, nothing)
     )
     assert "Stress" not in said(discharge), "one alone is the slope"
     assert "Stress" not in said()
@@ -91,7 +91,7 @@ def test_an_assessment_survives_its_json_and_its_tables_hold_every_check(tmp_pat
     )
     written = Tables(tmp_path)
     for one in found.specimens:
-        written.add(one, [hours] if one.specimen == "S01" else [])
+        written.add(one, [hours] if one.specimen == "S01" else [], weighed=True)
     (tmp_path / "archive").mkdir()
     archive = Archive(tmp_path / "archive", tmp_path)
     sealed = written.sealed(archive, found.batches)

@@ -279,6 +279,27 @@ def test_aligned_the_model_is_drawn_as_the_sensor_would_read_it(tmp_path: Path) 
     assert drawn == pytest.approx(o.modelled)
 
 
+def test_aligned_residuals_have_zero_and_the_sensors_bands_and_each_sessions_phases_stand_below(tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    run, late = made_run(masked=(100, 400)), driven("late", 500)
+    one = replace(driven("one", 0), runs={"published": run})
+    file = aligned.write_aligned([one, late], "start", tmp_path)
+    o = run.observed[0]
+    for end, value in {"zero": 0.0, "from": -o.floor_K, "to": o.floor_K}.items():
+        t_ns, drawn = values(file, f"band/{o.node}/one/{o.channel}/{end}", "Scalars:scalars")
+        assert drawn == pytest.approx([value, value])
+        assert t_ns[0] == o.t_ns[0] - one.session.start_ns
+    for name, begins in (("one", 0.0), ("late", 500.0)):
+        at, states = values(file, f"phase/{name}/motor", "StateChange:state")
+        assert list(states[:2]) == ["stands", "turns"]
+        assert at[1] / 1e9 == pytest.approx(begins + 500.0)
+    off = next(one.channel for one in run.observed if not one.used.all())
+    assert list(values(file, f"masked/one/{off}", "StateChange:state")[1]) == ["used", "masked", "used"]
+    views = shown(aligned._layout([one, late]))
+    assert any(content.startswith("+ /band/") for content in views["measured − model [K]"])
+    assert "+ /phase/**" in views["phases and masked samples"]
+
+
 def driven(name: str, later_s: int) -> SessionSeen:
     """A session of an hour in which the same speeds are driven `later_s` after its start."""
     t_s = UTC_NS / 1e9 + np.arange(3600)

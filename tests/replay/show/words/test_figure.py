@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from replay.show.words.figure import LINE, kept_apart, panels
+from replay.show.words.figure import LINE, fitting, kept_apart, panels
 
 
 @pytest.mark.parametrize("ends", [(9.8, 9.9, 10.0), (0.0, 0.1, 0.1), (10.4, 2.0, 2.1)])
@@ -18,3 +18,9 @@ def test_names_stand_apart_and_within_their_panel_so_that_none_meets_those_of_th
     step = LINE / (axes.get_position().height * figure.get_figheight())
     assert all(upper - lower >= step - 1e-9 for lower, upper in pairwise(places))
     assert places[0] >= 0.0 and places[-1] <= 1.0 + 1e-9
+
+
+def test_a_name_loses_its_middle_where_its_letters_take_more_room_than_there_is() -> None:
+    assert fitting("endwinding a outer") == "endwinding a outer"
+    assert fitting("W" * 200) == "WWWW…WWWWW" and fitting("\u6e29" * 200) == "\u6e29" * 4 + "…" + "\u6e29" * 5
+    assert fitting("TC\x1b[2J") == "TC\\u001b[2J", "what is written out counts as it is written"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -171,13 +172,17 @@ def test_of_a_large_fleet_the_answer_holds_those_that_stand_out_most_and_counts_
 ) -> None:
     whole = _asked(tables / "store")
     monkeypatch.setattr(assess, "MOST", 10)
+    monkeypatch.setattr(whole_fleet, "SAMPLE", 20)
     monkeypatch.setattr(assess, "code_of", lambda _: "another version's")
     capsys.readouterr()
     page, store = tables / "page.html", str(tables / "store")
     assert main(["ageing", "--store", store, "--report", str(page), "--out", str(tables / "fleet.svg")]) == 0
-    assert "\nand 70 more\n" in capsys.readouterr().out
+    said = " ".join(capsys.readouterr().out.split())
+    assert "and 70 more" in said and "of 20 that were drawn by chance change beyond repeatability" in said
     answer = _asked(tables / "store")
-    assert answer["whole"] == whole["whole"]
+    by_chance = whole_fleet.drawn(one["specimen"] for one in whole["specimens"])
+    forms = Counter(one["form"] for one in whole["specimens"] if one["significant"] and one["specimen"] in by_chance)
+    assert answer["whole"] == whole["whole"] | {"weighed": 20, "changed": dict(forms)}
     assert answer["whole"]["specimens"] == 80
     assert answer["whole"]["checks"] == sum(len(one["checks"]) for one in whole["specimens"])
     cells = np.array(answer["whole"]["density"]["checks"])
@@ -185,7 +190,7 @@ def test_of_a_large_fleet_the_answer_holds_those_that_stand_out_most_and_counts_
     held = [one["specimen"] for one in answer["specimens"]]
     ranked = whole_fleet.rank({one["batch"] for one in whole["fleet"]["outlying_batches"]})
     every = sorted(whole["specimens"], key=lambda one: ranked(one["outlying"], one["batch"], one["score"]))
-    assert held == [one["specimen"] for one in every[:10]]
+    assert answer["specimens"] == every[:10]
     with Store.open(tables / "store") as opened:
         known = facts.at(opened.ledger)
         first, last = ([*known.assessments.values()][i] for i in (0, -1))
@@ -199,9 +204,14 @@ def test_of_a_large_fleet_the_answer_holds_those_that_stand_out_most_and_counts_
         assert main(["lineage", f"SELECT * FROM {view} WHERE assessment IS NOT NULL", "--store", store]) == 0, view
         assert capsys.readouterr().out == named
     with warehouse.connect(tables / "store") as connection:
-        assert connection.execute("SELECT count(*) FROM fleet_health").fetchall() == [(80,)]
+        rows = connection.execute("SELECT specimen, form, slope_low, score, why FROM fleet_health").fetchall()
         ((checks,),) = connection.execute("SELECT count(*) FROM conductivity_by_cycle").fetchall()
     assert checks == answer["whole"]["checks"]
+    told = {one["specimen"]: (one["form"], (one["ci95"] or [None])[0]) for one in every}
+    weighed = by_chance.union(held)
+    assert {row[0]: row[1:3] for row in rows} == {k: of if k in weighed else (None, None) for k, of in told.items()}
+    assert {row[0]: row[3] for row in rows} == {one["specimen"]: one["score"] for one in every}
+    assert all(("its course was not weighed" in (why or "")) == (name not in weighed) for name, *_, why in rows)
     text = page.read_text(encoding="utf-8")
     assert "The 10 specimens that stand out most</h2>" in text and "LIMIT 100 OFFSET 100" in text
     assert f"All 80 specimens: where their {checks:,} checks lie" in text

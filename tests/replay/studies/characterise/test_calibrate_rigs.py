@@ -74,6 +74,16 @@ def answer(bench: Path) -> dict[str, Any]:
     return found
 
 
+def test_the_order_of_the_sessions_does_not_matter(bench: Path, answer: dict[str, Any], tmp_path: Path) -> None:
+    target = tmp_path / "again.json"
+    words = ["calibrate", "--on", "2_rig", "1_whole", "--json", str(target), "--store", str(bench / "store")]
+    assert main(words) == 0
+    again = json.loads(target.read_text(encoding="utf-8"))
+    assert {key: of for key, of in again.items() if key != "provenance"} == {
+        key: of for key, of in answer.items() if key != "provenance"
+    }
+
+
 def test_both_rigs_are_learnt_from(answer: dict[str, Any]) -> None:
     found = {p["name"]: p for p in answer["parameters"]}
     assert answer["converged"] is True

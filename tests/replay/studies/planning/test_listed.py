@@ -119,3 +119,21 @@ def test_words_that_do_not_go_together_are_refused(words: tuple[str, ...]) -> No
     with pytest.raises(SystemExit) as stopped:
         main(["plan", *words])
     assert stopped.value.code == 2
+
+
+def test_at_the_level_of_series_motors_a_thermometer_that_is_there_is_no_new_one(bench: Path, tmp_path: Path) -> None:
+    text = (bench / "bench.toml").read_text(encoding="utf-8")
+    signal = next(line for line in text.splitlines() if line.startswith("signal") and "winding" in line.lower())
+    (tmp_path / "bench.toml").write_text(text.replace(signal, f'{signal}\nlevel = "production"'), encoding="utf-8")
+    (tmp_path / "motor.toml").write_bytes((bench / "motor.toml").read_bytes())
+    target = tmp_path / "plan.json"
+    assert _asked(tmp_path, tmp_path, POINT, "--level", "production", "--json", str(target)) == 0
+    observed = {one["what"]: one["node"] for one in json.loads(target.read_text(encoding="utf-8"))["observe"]}
+    assert observed["TC_magnet, which is there"] == "magnet"
+    assert not {"a sensor at magnet", "a sensor at yoke", "a sensor at winding"} & observed.keys()
+    (channel,) = (
+        listed_campaign(read_listed([tmp_path / "point.csv"], tmp_path / "bench.toml", None), "production")
+        .tests[0]
+        .channels
+    )
+    assert channel.name == "TC_winding"
