@@ -286,7 +286,7 @@ for verb in ("backup", "restore"):
             break
         kills += code == -9
         damages, position = state(target)
-        found += damages
+        found += damages if position else []  # a restore that was stopped holds files and no event yet, as it says
         heads.append([verb, position])
         if verb == "backup" or not position:
             work()
