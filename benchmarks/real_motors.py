@@ -131,8 +131,9 @@ class Bench:
         train = [recording.session for recording in learnt]
         known = facts.at(self.store.ledger)
         chain = diagnose(self.store, known, train, [one.session], None, "testing").diagnosis.chain
-        steps = dict(zip(("published", "recalibrated", "extended"), (*chain[:2], chain[-1]), strict=True))
-        versions = {way: Version(step.model, step.bench, step.benches) for way, step in steps.items() if step.model}
+        # a step that no file says has no model to replay
+        said = [Version(step.model, step.bench, step.benches) for step in chain if step.model]
+        versions = dict(zip(("published", "recalibrated", "extended"), (*said[:2], said[-1]), strict=True))
         return [step.id for step in chain if step.id], versions
 
 

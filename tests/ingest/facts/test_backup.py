@@ -259,7 +259,7 @@ def state(folder):
         return [], 0
     with Store.open(folder) as store:
         found = check(store)
-        return [one.says for one in found.damages], found.head and found.head.position
+        return [one.says for one in found.damages], found.head.position if found.head else 0
 """
 
 AT_EACH_CALL = """

@@ -436,7 +436,7 @@ def test_samples_that_were_left_out_are_named_but_no_fit_is_with_them() -> None:
         evidence=None,
         sayable=False,
     )
-    alone = flat(diagnosis_text(replace(NAMED, causes=[held])))
+    alone = flat(diagnosis_text(replace(NAMED, causes=[held], log_score_gain=None, two_models=None)))
     assert "Answer The sensor at magnet repeats old values: on kept sessions" in alone
     assert "Named cause sensor.magnet.hold" in alone and "with the cause" not in alone
     assert " with it" not in how_many(replace(NAMED, causes=[held], findings=[PATH]))
