@@ -15,7 +15,8 @@ kind of test, which any freer law helps. Where it is far above that, the file's 
 make evidence do not make truth: there a term enters only where sessions, each predicted from the others, are nearer
 with it by more than the standard error of that, and together ask for it; of several the one with which they are
 nearest. The search ends where nothing more holds: the same sessions asked again and again wear out, and a gain within
-their scatter is what is left of them. Fewer than four sessions cannot say that; there the leading term is the only one.
+their scatter is what is left of them. A heat of any course says nothing of a session that is left out, so nothing is
+looked for beside it there. Fewer than four sessions cannot judge; there the leading term is the only one.
 """
 
 from __future__ import annotations
@@ -143,7 +144,8 @@ def search(
         found = _searched(found, first, candidates, model.parameters, tell)
         if _is_patchwork(found):
             found = replace(found, accepted=(), patchwork=found.accepted, final=first.base)
-    return _beside_heat(found, candidates, model.parameters, threshold, tell) if found.is_unknown else found
+    beside = found.is_unknown and not judging
+    return _beside_heat(found, candidates, model.parameters, tell) if beside else found
 
 
 def _searched(
@@ -186,9 +188,7 @@ def _is_patchwork(found: Naming) -> bool:
     return not found.judged and is_patchwork(survivors, found.final.model.network)
 
 
-def _beside_heat(
-    found: Naming, candidates: Sequence[Candidate], stated: Sequence[Parameter], threshold: float | None, tell: Tell
-) -> Naming:
+def _beside_heat(found: Naming, candidates: Sequence[Candidate], stated: Sequence[Parameter], tell: Tell) -> Naming:
     """What is named away from a heat that has no name: the search with this heat among the parameters. As it was where
     nothing is named so, or the motor runs away."""
     first = found.rounds[0].base
@@ -202,9 +202,9 @@ def _beside_heat(
     try:
         start = np.append(first.beta, np.zeros(len(tents)))
         current = refined(fit(first.model.plus(tents), start, NEAR_ENOUGH), candidates, with_heat, tell)
-        again = replace(found, patchwork=(), left_out=(), wrong_in_form=is_wrong_in_form(current.model))
-        again = replace(again, threshold=again.needed if threshold is None else threshold)
-        fresh = with_refits(scored(current, elsewhere), _of_cause(1, tell), judging=again.judged)
+        wrong = found.wrong_in_form and is_wrong_in_form(current.model)
+        again = replace(found, patchwork=(), left_out=(), wrong_in_form=wrong)
+        fresh = with_refits(scored(current, elsewhere), _of_cause(1, tell))
         beside = _searched(again, fresh, elsewhere, with_heat, tell)
     except DivergedError:
         return found

@@ -225,6 +225,18 @@ def beside_heat() -> Naming:
     return search(Model(network, tests, everyday(network, tests)), CANDIDATES)
 
 
+def test_where_sessions_left_out_judge_nothing_is_looked_for_beside_such_a_heat(
+    beside_heat: Naming, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = beside_heat.rounds[0].base.model
+    monkeypatch.setattr(naming, "ENOUGH_SESSIONS", 1)
+    monkeypatch.setattr(naming, "calibrated", lambda *_: beside_heat.rounds[0].base)
+    monkeypatch.setattr(naming, "is_wrong_in_form", lambda _: True)
+    found = search(model, CANDIDATES)
+    assert found.is_unknown and found.judged
+    assert found.heat is None and not found.accepted
+
+
 def _late(measured: Floats) -> Floats:
     """Readings every 2 s through a first-order lag."""
     kept = np.exp(-2.0 / LATE_S)
