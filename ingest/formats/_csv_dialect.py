@@ -75,6 +75,8 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
     if len(lines) == 1:
         raise UnreadableLogError(f"{log}: holds one line and no row below it: nothing to read. Export the table again.")
     delimiter, above = _layout(lines)
+    if delimiter == "|" and any(line.strip("|-: ") == "" for line in lines):
+        raise UnreadableLogError(f"{log}: is a page with a table in Markdown, no log. Export the table as CSV.")
     header = [cell.strip() for cell in cells(lines[above], delimiter)]
     below = [line for line in lines[above + 1 :] if line != lines[above]]
     rows = [cells(line, delimiter) for line in below[: SAMPLE_ROWS + 1]]
