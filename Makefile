@@ -14,9 +14,8 @@ demo: .venv/ready
 test: lint
 	@$(MAKE) --no-print-directory -j 2 types tests
 
-# Three workers on two processors: a third of the time a test waits for a server, a disk or a process that it kills.
 tests: .venv/ready
-	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 check: lint types
 
