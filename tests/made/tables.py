@@ -25,17 +25,24 @@ node = "winding"
 """
 
 
+def read(path: Path, spec: TimeSpec | None = None) -> tuple[Log, list[int], dict[str, list[Any]]]:
+    """(log, t_ns, columns) of all rows of the log at `path`."""
+    log = open_log(path, spec)
+    t_ns: list[int] = []
+    columns: dict[str, list[Any]] = {}
+    for batch in log.batches():
+        assert isinstance(batch, Rows)
+        t_ns += batch.t_ns.tolist()
+        for name, values in batch.columns.items():
+            columns.setdefault(name, []).extend(values.tolist())
+    return log, t_ns, columns
+
+
 def columns_of(name: str, path: Path, spec: TimeSpec | None = None) -> tuple[Log, dict[str, list[Any]]]:
     """The log at `path`, which is of the format of this name, and its columns, with `t`, seconds since `START_NS`."""
     assert recognise(path).name == name
-    log = open_log(path, spec)
-    found: dict[str, list[Any]] = {"t": []}
-    for batch in log.batches():
-        assert isinstance(batch, Rows)
-        found["t"] += [round((t_ns - START_NS) / 1e9, 9) for t_ns in batch.t_ns.tolist()]
-        for column, cells in batch.columns.items():
-            found.setdefault(column, []).extend(cells.tolist())
-    return log, found
+    log, t_ns, columns = read(path, spec)
+    return log, {"t": [round((t - START_NS) / 1e9, 9) for t in t_ns], **columns}
 
 
 def same(found: Any, expected: Any) -> bool:

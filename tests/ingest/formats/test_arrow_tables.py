@@ -15,9 +15,10 @@ import pyarrow.parquet
 import pytest
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import Log, Rows, TimeSpec, open_log, recognise
+from ingest.formats import TimeSpec, recognise
 from ingest.log.reading import Reader
 from made.places import LOGS
+from made.tables import read
 
 S_NS = 1_000_000_000
 MARCH = datetime(2024, 3, 1, 8, tzinfo=UTC)
@@ -64,18 +65,6 @@ def write_samples(folder: Path) -> None:
     )
     write_parquet(table, folder / "sample.parquet")
     write_arrow(table, folder / "sample.arrow")
-
-
-def read(path: Path, spec: TimeSpec | None = None) -> tuple[Log, list[int], dict[str, list[Any]]]:
-    log = open_log(path, spec)
-    t_ns: list[int] = []
-    columns: dict[str, list[Any]] = {}
-    for batch in log.batches():
-        assert isinstance(batch, Rows)
-        t_ns += batch.t_ns.tolist()
-        for name, values in batch.columns.items():
-            columns.setdefault(name, []).extend(values.tolist())
-    return log, t_ns, columns
 
 
 @pytest.mark.parametrize("suffix", ["parquet", "arrow"])

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import Log, Rows, TimeSpec, open_log, recognise
+from ingest.formats import TimeSpec, recognise
 from made.every_format import write_atfx
 from made.places import LOGS
+from made.tables import read
 
 BEGIN_NS = 1_742_220_120_000_000_000  # 2025-03-17 14:02:00 UTC
 BEGUN = "<measurement_begin>20250317140200000000</measurement_begin>"
@@ -64,17 +64,6 @@ def written(path: Path, *data: str, begun: str = BEGUN) -> Path:
 
 TIME = column(1, "t", "<A_FLOAT64>0 0.5 1</A_FLOAT64>", "s", "<independent>1</independent>")
 DATES = "<A_TIMESTRING>20250317140200 20251317140200 202503171402015</A_TIMESTRING>"
-
-
-def read(path: Path, spec: TimeSpec | None = None) -> tuple[Log, list[int], dict[str, list[Any]]]:
-    log = open_log(path, spec)
-    t_ns, columns = list[int](), dict[str, list[Any]]()
-    for batch in log.batches():
-        assert isinstance(batch, Rows)
-        t_ns += batch.t_ns.tolist()
-        for name, values in batch.columns.items():
-            columns.setdefault(name, []).extend(values.tolist())
-    return log, t_ns, columns
 
 
 def write_sample(path: Path) -> None:

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
-from typing import Any
 from zoneinfo import ZoneInfo
 
 import numpy as np
@@ -15,28 +14,16 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import Log, Rows, TimeSpec, open_log, utc_ns
+from ingest.formats import TimeSpec, open_log, utc_ns
 from ingest.formats import csv as tables
 from ingest.formats._csv_numbers import MISSING
 from made.places import LOGS
+from made.tables import read
 
 COPY_AGAIN = "; copy the file again if the original is whole."
 
 S_NS = 1_000_000_000
 MARCH_NS = 1_709_280_000 * S_NS  # 1 March 2024, 08:00 UTC
-
-
-def read(path: Path, spec: TimeSpec | None = None) -> tuple[Log, list[int], dict[str, list[Any]]]:
-    """(log, t_ns, columns) of all rows."""
-    log = open_log(path, spec)
-    t_ns: list[int] = []
-    columns: dict[str, list[Any]] = {}
-    for batch in log.batches():
-        assert isinstance(batch, Rows)
-        t_ns += batch.t_ns.tolist()
-        for name, values in batch.columns.items():
-            columns.setdefault(name, []).extend(values.tolist())
-    return log, t_ns, columns
 
 
 def table(folder: Path, text: str, name: str = "log.csv", encoding: str = "utf-8") -> Path:

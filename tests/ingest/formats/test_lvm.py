@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import Log, Rows, TimeSpec, open_log, recognise
+from ingest.formats import TimeSpec, recognise
 from ingest.log.reading import Reader
 from made.places import LOGS
+from made.tables import read
 
 S_NS = 1_000_000_000
 JULY_NS = 1_563_815_898 * S_NS  # 22 July 2019, 17:18:18 UTC
@@ -45,18 +46,6 @@ def segment(
     tags += [] if clock is None else [("Date", "2019/07/22\t2019/07/22"), ("Time", f"{clock}\t{clock}")]
     tags += [("X_Dimension", dimension), ("X0", "0.0000000000000000E+0"), ("Delta_X", dx)]
     return "".join(f"{tag}\t{value}\n" for tag, value in tags) + f"{END}\nX_Value\t{names}\tComment\n{rows}"
-
-
-def read(path: Path, spec: TimeSpec | None = None) -> tuple[Log, list[int], dict[str, list[Any]]]:
-    log = open_log(path, spec)
-    t_ns: list[int] = []
-    columns: dict[str, list[Any]] = {}
-    for batch in log.batches():
-        assert isinstance(batch, Rows)
-        t_ns += batch.t_ns.tolist()
-        for name, values in batch.columns.items():
-            columns.setdefault(name, []).extend(values.tolist())
-    return log, t_ns, columns
 
 
 def lvm(folder: Path, text: str, name: str = "log.lvm") -> Path:

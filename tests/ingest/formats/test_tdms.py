@@ -15,11 +15,12 @@ from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter
 from nptdms.timestamp import TdmsTimestamp
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import Log, Rows, TimeSpec, open_log
+from ingest.formats import Rows, TimeSpec, open_log
 from ingest.formats import tdms as tdms_format
 from ingest.log.decode import decode_file
 from made.places import LOGS
 from made.readings import record
+from made.tables import read
 
 EXAMPLES = Path(nptdms.__file__).parent / "test" / "data"
 START = np.datetime64("2025-12-24T08:00:00")
@@ -64,19 +65,6 @@ def write_sample(path: Path) -> None:
         ],
         [wave("Power", "U", [13.5], 0.5, unit_string="V")],
     )
-
-
-def read(path: Path, spec: TimeSpec | None = None) -> tuple[Log, list[int], dict[str, list[Any]]]:
-    """(log, t_ns, columns) of all rows."""
-    log = open_log(path, spec)
-    t_ns: list[int] = []
-    columns: dict[str, list[Any]] = {}
-    for batch in log.batches():
-        assert isinstance(batch, Rows)
-        t_ns += batch.t_ns.tolist()
-        for name, values in batch.columns.items():
-            columns.setdefault(name, []).extend(values.tolist())
-    return log, t_ns, columns
 
 
 def ms(t_ns: Sequence[int]) -> list[int]:

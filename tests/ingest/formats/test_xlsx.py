@@ -15,9 +15,10 @@ import pytest
 
 from ingest.bench.bench_file import read_bench
 from ingest.errors import UnreadableLogError
-from ingest.formats import Log, Rows, TimeSpec, open_log, recognise
+from ingest.formats import TimeSpec, recognise
 from ingest.log.reading import Reader
 from made.places import LOGS
+from made.tables import read
 
 openpyxl = pytest.importorskip("openpyxl")
 pytest.importorskip("python_calamine")
@@ -53,18 +54,6 @@ def write_sample(path: Path) -> None:
         [MIDNIGHT + timedelta(seconds=2), None, 1600, "Ende"],
     ]
     write(path, Notizen=[["Bediener", "Öller"]], Messung=rows)
-
-
-def read(path: Path, spec: TimeSpec | None = None) -> tuple[Log, list[int], dict[str, list[Any]]]:
-    log = open_log(path, spec)
-    t_ns: list[int] = []
-    columns: dict[str, list[Any]] = {}
-    for batch in log.batches():
-        assert isinstance(batch, Rows)
-        t_ns += batch.t_ns.tolist()
-        for name, values in batch.columns.items():
-            columns.setdefault(name, []).extend(values.tolist())
-    return log, t_ns, columns
 
 
 @pytest.mark.parametrize("made", [True, False])
