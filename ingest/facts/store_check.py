@@ -105,8 +105,10 @@ def _audited(store: Store, since: Head | None) -> LedgerHistory:
         says = "is an empty file"
     else:
         seen = audit(store.ledger, since)
+        if seen.position or seen.findings:
+            return seen
         sealed, decoded = len([*store.archive]), len(listed(store.files / "decoded", "*"))
-        if seen.position or seen.findings or not sealed + decoded:
+        if not sealed + decoded:
             return seen
         says = f"holds no event, though {sealed:,} sealed files and {decoded:,} decoded logs are here: its events were "
         says += "deleted, or the first command of this store was stopped (then give the same command again)"

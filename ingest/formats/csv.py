@@ -39,7 +39,6 @@ from ingest.formats._csv_numbers import MISSING
 from ingest.formats._csv_time import recognise_clock
 from ingest.formats._text import TextFile, place_of
 
-BLANK = " \r"
 SINGLY = 64  # rows that are read one by one where they cannot be read together
 SHOWN = 64  # first bytes of a rejected row, or of a line above the header
 ABOVE = 20  # lines above the header that are kept as they stand
@@ -158,7 +157,7 @@ class CsvLog(Log):
 
     def _rows(self, lines: list[str], *, cut: bool) -> Iterator[Rows]:
         """The rows of consecutive lines. `cut`: the last one is not whole."""
-        written = np.array([line.strip(BLANK) != "" for line in lines], bool)
+        written = np.array([_is_row(line) for line in lines], bool)
         no_rows = self._no_rows(lines)
         written[no_rows] = False
         self._left += len(no_rows)
@@ -310,7 +309,7 @@ def is_table(path: Path) -> bool:
 
 def _is_row(line: str) -> bool:
     """Whether a line is a row: a blank one is not, one of tabs alone is a row of empty cells."""
-    return line.strip(BLANK) != ""
+    return line.strip(" \r") != ""
 
 
 def _joined(parts: list[_Part]) -> Iterator[_Part]:

@@ -55,7 +55,7 @@ def expressible(found: Fit, named: Collection[int], driving: Collection[str]) ->
     open_ = unnamed & np.array([one.test is None for one in parameters])
     unsayable = open_ & np.array([_is_common_drive(one, driving) for one in parameters])
     if is_wrong_in_form(found.model):
-        unsayable |= unnamed & np.array([_is_of_bench(one) for one in parameters])
+        unsayable |= unnamed & np.array([_is_of_these_tests(one) for one in parameters])
     positive = open_ & np.array([_is_share(one) for one in parameters])
     optional = open_ & np.array([_is_optional(one) and one.action not in causes for one in parameters])
     of_bench = np.array([isinstance(one.action, actions.OnBench) for one in parameters])
@@ -98,7 +98,7 @@ def _is_common_drive(one: Parameter, driving: Collection[str]) -> bool:
     return isinstance(one.action, actions.Late) and not set(one.action.channels).isdisjoint(driving)
 
 
-def _is_of_bench(one: Parameter) -> bool:
+def _is_of_these_tests(one: Parameter) -> bool:
     """Whether it is an error of a reading, or of anything on the bench in one test."""
     return isinstance(one.action, Misreading) or (one.test is not None and isinstance(one.action, actions.OnBench))
 

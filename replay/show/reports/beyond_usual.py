@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from replay.show.reports import verdict
 from replay.show.words import words
 from replay.studies.diagnosis.answer import Diagnosis, Unusual
-from twin.motor.causes import parse
 
 SHOWN = 2  # findings at most, and as many that a cause took away
 
@@ -39,7 +38,7 @@ def how_many(diagnosis: Diagnosis) -> str:
 
 def _terms(diagnosis: Diagnosis) -> int:
     """How many causes the last fit has that the first has not: exchanged channels are put right before both."""
-    return sum(not parse(cause.id).law.startswith("swap_") for cause in diagnosis.fitted_with)
+    return sum(not verdict.is_exchange(cause) for cause in diagnosis.fitted_with)
 
 
 def _is_number(one: Unusual) -> bool:

@@ -114,10 +114,15 @@ def unit(stored: str) -> str:
     return UNITS.get(stored, stored)
 
 
+def is_exchange(cause: Named) -> bool:
+    """Whether it is that two channels are exchanged."""
+    return parse(cause.id).law.startswith("swap_")
+
+
 def size(cause: Named) -> str:
     """ "+96 W (88 to 104)", "+3.1 % (2.8 to 3.4)", "factor 1.35 (1.21 to 1.5)"; "" for a fault that is there or not."""
     law = parse(cause.id).law
-    if law in NO_SIZE or law.startswith("swap_"):
+    if law in NO_SIZE or is_exchange(cause):
         return ""
     if law == "scale":  # its size multiplies what was there
         return f"factor {figures(cause.estimate)} ({figures(cause.ci95[0])} to {figures(cause.ci95[1])})"
