@@ -25,7 +25,7 @@ from ingest.intake.intake import Intake
 from ingest.morning.ending import SessionEnd, broken_off, ended
 from ingest.morning.loggers import LoggerClock, compared
 from ingest.morning.repeat import Comparison, comparison_json, lay, same_test, usable
-from ingest.morning.sensors import SensorFault, alone, since_before
+from ingest.morning.sensors import SensorFault, alone, jumping, since_before
 
 if TYPE_CHECKING:
     from ingest.facts.store import Store
@@ -114,7 +114,7 @@ def _night(store: Store, facts: Facts, session: SessionRecorded, past: Held | No
     seen = look(store, facts, session)
     channels = usable(seen)
     before = next(_before(channels, session, (store, facts), past), None)
-    faults = alone(seen.channels, seen.qualities, _known(facts, session))
+    faults = [*alone(seen.channels, seen.qualities, _known(facts, session)), *jumping(channels)]
     if before:
         faults += since_before(before.comparison.channels, before.name)
     end = broken_off(before.name, before.comparison) if before else None

@@ -1,4 +1,5 @@
-"""Sensors to look at: silent, dead, held, saturated, off their neighbours at rest, exchanged, drifted.
+"""Sensors to look at: silent, dead, held, saturated, off their neighbours at rest, jumping together, exchanged,
+drifted.
 
 What a channel says alone is judged by the rules of `ingest.catalogue.quality`. Beside that
 
@@ -25,6 +26,7 @@ from ingest.catalogue.kinds import CURRENT_A, STANDSTILL_rpm
 from ingest.catalogue.quality import ChannelQuality, findings, seconds
 from ingest.facts.events import QualityFlagged
 from ingest.morning.differences import BIAS_K, ChannelDifference, is_around
+from ingest.morning.jumps import jumps_together
 
 POSSIBLE_degC = (-80.0, 600.0)  # colder and hotter than any bench and its winding
 WHOLE = 0.9  # of a session: who stays for so long at one value never told anything
@@ -37,7 +39,8 @@ EXCHANGED = 0.25  # of what two channels differ by, what is left of it once they
 
 @dataclass(frozen=True)
 class SensorFault:
-    """`fault`: silent, dead, held, stuck, saturated, disagrees, swapped or drifted; `says`: a line that names it."""
+    """`fault`: silent, dead, held, stuck, saturated, disagrees, jumps, swapped or drifted; `says`: a line that names
+    it. Of several channels (jumps, swapped) `channel` has all their names."""
 
     channel: str
     fault: str
@@ -116,6 +119,24 @@ def _at_rest(channels: Sequence[ChannelData]) -> tuple[int, int] | None:
 def _first(one: ChannelData, span: tuple[int, int]) -> float | None:
     inside = one.value[(one.t_ns >= span[0]) & (one.t_ns < span[1])]
     return float(inside.mean()) if len(inside) and np.ptp(inside) < 2 * AT_REST_K else None
+
+
+def jumping(channels: Sequence[ChannelData]) -> list[SensorFault]:
+    """Thermometers of the motor that jump together; `channels`: those of a session without what told nothing new."""
+    wired = [one for one in channels if one.spec.quantity == "temperature" and not one.spec.derived]
+    found = jumps_together([one for one in wired if not is_around(one)], channels)
+    if found is None:
+        return []
+    jumps, names = len(found.at_s), ", ".join(found.channels)
+    sizes = " to ".join(dict.fromkeys(f"{size:.1f}" for size in (found.size_K.min(), found.size_K.max())))
+    minutes, second = divmod(int(found.at_s[0]), 60)
+    standing = f", {found.standing} of them while the motor stands" if found.standing else ""
+    at = f"{minutes // 60}:{minutes % 60:02}:{second:02}"
+    says = (
+        f"{len(found.channels)} thermometers jump together by {sizes} K (jumps: {jumps}{standing}; the first at {at}):"
+        f" no heat does that, an inverter, a ground or an amplifier does ({names})"
+    )
+    return [SensorFault(names, "jumps", says)]
 
 
 def since_before(found: Sequence[ChannelDifference], before: str) -> list[SensorFault]:
