@@ -14,10 +14,9 @@ from twin.fitting import actions
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import Fit, Floats
 from twin.motor import features
-from twin.motor.network import NOBODY, Link, Network, Node, Shape, Source, TemperatureFactor, Term
+from twin.motor.network import LEAST_FACTOR, NOBODY, Link, Network, Node, Shape, Source, TemperatureFactor, Term
 from twin.motor.sensor_laws import Lag, Misreading
 
-LEAST_FACTOR, MOST_CURRENT = 0.05, 1.5  # a law stays above 0 up to this current
 REFERENCE_DIGITS = 1  # of a temperature that a slope is written about
 
 
@@ -188,7 +187,7 @@ def _shape(tents: Sequence[tuple[actions.Tent, float]]) -> Shape:
     for tent, beta in tents:
         (slope if tent.current else factor)[tent.knot] += beta
     factor = [max(f, LEAST_FACTOR - 1) for f in factor]
-    slope = [max(c, (LEAST_FACTOR - 1 - f) / MOST_CURRENT) for f, c in zip(factor, slope, strict=True)]
+    slope = [max(c, Shape.least_slope(f)) for f, c in zip(factor, slope, strict=True)]
     return Shape(speeds, tuple(factor), tuple(slope))
 
 

@@ -5,7 +5,8 @@ line. An error of the bench must be known, too: a thermal model has no reference
 one is mostly its own error, and a reading that is moved by that is worse than the one recorded. Where the form of the
 file is wrong, none of a reading is known, unless it is named: a lump that is no point looks like a gain. And what a
 session of its own is off by, its coolant for one, is what the form lacks there, and no other session has it: left free
-while the rest is fitted again, it would keep the rest from what all sessions have in common.
+while the rest is fitted again, it would keep the rest from what all sessions have in common. A loss that falls with
+current so fast that it would cool is held where something is left of it (`Shape.least_slope`).
 
 A hundred small differences just left out would add up to kelvins, so the others take their part by the fit's own
 curvature H (Laplace's approximation): with d the entries set to 0 and f the others,
@@ -27,7 +28,7 @@ from twin.diagnosis.posterior_mode import is_wrong_in_form
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import NEAR_ENOUGH, Fit, Floats, fit
-from twin.motor.network import NOBODY
+from twin.motor.network import NOBODY, Shape
 from twin.motor.sensor_laws import Bias, Gain, Lag, Misreading
 
 Bools = NDArray[np.bool_]
@@ -70,7 +71,7 @@ def expressible(found: Fit, named: Collection[int], driving: Collection[str]) ->
                 break
             left_out = left_out | more
             beta = _given(found, left_out, held)
-    if not left_out.any():
+    if not left_out.any() and not _turning(found):
         return found
     pinned = [
         replace(one, low=beta[p], high=beta[p])
@@ -80,7 +81,32 @@ def expressible(found: Fit, named: Collection[int], driving: Collection[str]) ->
         else one
         for p, one in enumerate(parameters)
     ]
-    return fit(found.model.with_priors(pinned), beta, NEAR_ENOUGH)
+    said = fit(found.model.with_priors(pinned), beta, NEAR_ENOUGH)
+    while turning := _turning(said):
+        pinned = [
+            replace(one, low=turning[p], high=turning[p]) if p in turning else one for p, one in enumerate(pinned)
+        ]
+        model = found.model.with_priors(pinned)
+        said = fit(model, np.clip(said.beta, model.low, model.high), NEAR_ENOUGH)
+    return said
+
+
+def _turning(found: Fit) -> dict[int, float]:
+    """Where a law would fall below 0 at a current that a motor may see: the place of its slope over current -> the
+    least that a file can say, and the place of what it is without current -> that number."""
+    at = {
+        replace(one.action, current=False): (p, float(found.beta[p]))
+        for p, one in enumerate(found.model.parameters)
+        if isinstance(one.action, actions.Tent) and not one.action.current
+    }
+    turning: dict[int, float] = {}
+    for p, one in enumerate(found.model.parameters):
+        if isinstance(one.action, actions.Tent) and one.action.current:
+            beside, factor = at.get(replace(one.action, current=False), (p, 0.0))
+            least = Shape.least_slope(factor)
+            if found.beta[p] < least:
+                turning |= {beside: factor, p: least}
+    return turning
 
 
 def _given(found: Fit, left_out: Bools, held: Bools) -> Floats:

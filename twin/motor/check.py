@@ -23,11 +23,10 @@ from twin.errors import (
 from twin.motor import features
 from twin.motor.configured import configured
 from twin.motor.heat_laws import NAMED
-from twin.motor.network import Link, Map, Network, Property, Shape, Source, Term
+from twin.motor.network import MOST_CURRENT, Link, Map, Network, Property, Shape, Source, Term
 
 NAME = re.compile(r"[a-z][a-z0-9_]*")
 LEAST, MOST = 1e-30, 1e30  # of a positive constant: beyond, rates overflow or lose their digits
-MOST_CURRENT = 1.5  # up to this, in units of the scale, a shape must leave a loss its sign: short peaks go beyond 1
 
 
 def check(network: Network) -> None:

@@ -24,6 +24,10 @@ class TemperatureFactor:
     reference_degC: float
 
 
+MOST_CURRENT = 1.5  # in units of the scale: short peaks go beyond 1, and up to this a loss must keep its sign
+LEAST_FACTOR = 0.05  # of a loss that is left where a calibration lets it fall
+
+
 @dataclass(frozen=True)
 class Shape:
     """Multiply by `1 + sum_k hat_k(speed) (factor_k + current_slope_k current)`, features dimensionless.
@@ -35,6 +39,11 @@ class Shape:
     speed: tuple[float, ...]
     factor: tuple[float, ...]
     current_slope: tuple[float, ...]
+
+    @staticmethod
+    def least_slope(factor: float) -> float:
+        """The least slope beside a factor at which `LEAST_FACTOR` of a loss is left up to `MOST_CURRENT`."""
+        return (LEAST_FACTOR - 1 - factor) / MOST_CURRENT
 
 
 @dataclass(frozen=True)

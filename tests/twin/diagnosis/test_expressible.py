@@ -20,6 +20,7 @@ from twin.fitting.model import Model, Test
 from twin.fitting.noise import ChannelNoise
 from twin.motor import sensor_laws
 from twin.motor.features import terms
+from twin.motor.network import Shape, Term
 
 Floats = NDArray[np.float64]
 
@@ -155,6 +156,38 @@ def test_an_error_that_all_tests_share_may_still_be_the_models(tests: list[Test]
 def test_where_files_can_say_all_nothing_moves(tests: list[Test]) -> None:
     fit = fit_at(tests, [(Parameter("term0", actions.Scale((0,)), 0.4), 0.3)])
     assert expressible(fit, (), ()) is fit
+
+
+def test_a_loss_that_falls_too_fast_with_current_is_held_above_0_and_the_others_follow() -> None:
+    yoke = tuple(k for k, term in enumerate(terms(NETWORK)) if term.exponents.get("speed") == 1.5)
+    speeds = (0.0, 0.5, 1.0)
+    falls = Term(-170.0, {"speed": 1.5, "current": 1.0})  # of 200 W: nothing is left at 1.2 times the scale
+    sources = [replace(s, terms=(*s.terms, falls)) if s.node == "yoke" else s for s in NETWORK.sources]
+    true = replace(NETWORK, name="falling", sources=tuple(sources))
+    drives = [pulses(2400.0, seed=s) for s in range(2)]
+    own = [recorded(NETWORK, drive, INITIAL, true=true, name=str(s)) for s, drive in enumerate(drives)]
+    numbers = [
+        Parameter(f"map.{knot}{current}", actions.Tent(yoke, speeds, knot, current), 0.5)
+        for knot in range(3)
+        for current in (False, True)
+    ]
+    scale = Parameter("term", actions.Scale(yoke), 0.4)
+    model = Model(NETWORK, own, [*numbers, scale])
+    found = fit(model, np.zeros(7), NEAR_ENOUGH)
+    said = expressible(found, (), ())
+    written = list(terms(network_of(said, ())))[yoke[0]].shape
+    assert isinstance(written, Shape)
+    assert found.beta[3] < Shape.least_slope(float(found.beta[2])), "what this test is about"
+    np.testing.assert_array_equal(written.factor, said.beta[0:6:2])
+    np.testing.assert_array_equal(written.current_slope, said.beta[1:6:2])
+    cut = replace(found, beta=np.append(np.ravel(np.column_stack(_held(found.beta))), found.beta[6]))
+    assert cost(model, said.beta) < cost(model, cut.beta), "the others took over what was cut"
+
+
+def _held(beta: Floats) -> tuple[Floats, Floats]:
+    """Factors and slopes at the knots, each slope at its least where it is below."""
+    factor, slope = beta[0:6:2], beta[1:6:2]
+    return factor, np.maximum(slope, [Shape.least_slope(f) for f in factor])
 
 
 def test_shares_come_on_top_of_what_the_file_says_and_add_up(tests: list[Test]) -> None:
