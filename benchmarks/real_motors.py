@@ -1,11 +1,13 @@
 """A real motor, each recording left out in turn: errors of the published network, recalibrated and with what was named,
 beside two regressions; and its rotor from the stator's sensors alone.
 
-    python benchmarks/real_motors.py [--data DIR] [--left-out N] [--learn N] [--no-diagnosis] [--quick] [--json FILE]
+    python benchmarks/real_motors.py [--data DIR] [--seven] [--left-out N] [--learn N] [--no-diagnosis] [--quick]
+        [--json FILE]
 
-The recordings of `examples/hust_motor`, or the `id_*.csv` of DIR, which the same bench and motor file describe; or the
-`profile_*.csv` of DIR, recordings of LEA Paderborn's motor, each cut into sessions of half an hour, by the template of
-its four nodes as it comes. The first N of them are left out in turn; each time all others (the first `--learn` of them)
+The recordings of `examples/hust_motor`, or the `id_*.csv` of DIR, which the same bench and motor file describe
+(`--seven`: those of `examples/hust_seven_nodes`, with all thermocouples at seven nodes); or the `profile_*.csv` of DIR,
+recordings of LEA Paderborn's motor, each cut into sessions of half an hour, by the template of its four nodes as it
+comes. The first N of them are left out in turn; each time all others (the first `--learn` of them)
 are learnt from, by `whyhot diagnose` and by the regressions, and the one is judged, nothing fitted on it but the
 measured start, against its readings as recorded. Errors are mean absolute, by node [K]; `inside` and `outside`: mean
 over the nodes where speed and current were learnt from, and where not. Of the first motor `law first`: how often the
@@ -76,6 +78,7 @@ class LeftOut:
 def main() -> None:
     line = asked.parser(__doc__, learn=(99, 2))
     line.add_argument("--data", metavar="DIR", type=Path, default=HUST)
+    line.add_argument("--seven", action="store_true", help="by the file of seven nodes")
     line.add_argument("--left-out", metavar="N", type=int)
     line.add_argument("--no-diagnosis", action="store_true", help="the published network and the regressions alone")
     args = line.parse_args()
@@ -84,7 +87,7 @@ def main() -> None:
         tempfile.TemporaryDirectory() as name,
         Store.open(Path(name) / "store", create=True, write=True) as store,
     ):
-        motor = motor_of(args.data, Path(name), args.quick)
+        motor = motor_of(args.data, Path(name), args.seven, args.quick)
         take_in(store, motor.logs, prepare(motor.logs, motor.bench, [], for_intake), Override())
         bench = Bench(store, [session_of(log) for log in motor.logs], not args.no_diagnosis)
         for one in bench.recordings[: args.left_out or (1 if args.quick else None)]:

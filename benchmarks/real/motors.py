@@ -10,6 +10,7 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 HUST = HERE.parent.parent / "examples" / "hust_motor"
+SEVEN_NODES = HERE.parent.parent / "examples" / "hust_seven_nodes" / "bench.toml"
 FOUR_NODES = HERE.parent.parent / "replay" / "templates" / "ipm_four_node.toml"
 PART_S = 1800.0  # of a profile that is cut
 SHORTEST = ("id_1", "id_9", "id_10")
@@ -25,9 +26,9 @@ class Motor:
     law: str | None
 
 
-def motor_of(folder: Path, room: Path, quick: bool) -> Motor:
-    """The motor whose recordings lie in a folder; what has to be written for it lies in `room`. `quick`: three of its
-    sessions, short ones."""
+def motor_of(folder: Path, room: Path, seven: bool, quick: bool) -> Motor:
+    """The motor whose recordings lie in a folder; what has to be written for it lies in `room`. `seven`: by the file of
+    its seven nodes; `quick`: three of its sessions, short ones."""
     profiles = sorted(folder.glob("profile_*.csv"))
     if profiles:
         logs = [part for profile in profiles for part in parts(profile, room)]
@@ -36,6 +37,8 @@ def motor_of(folder: Path, room: Path, quick: bool) -> Motor:
         return Motor(logs[:3] if quick else logs, room / "lea.toml", None)
     logs = sorted(folder.glob("id_*.csv*"), key=lambda log: int(session_of(log).removeprefix("id_")))
     few = [log for log in logs if session_of(log) in SHORTEST]
+    if seven:  # its air gap has a term that grows with speed
+        return Motor(few if quick else logs, SEVEN_NODES, None)
     return Motor(few if quick else logs, HUST / "bench.toml", "conductance.stator-rotor.speed")
 
 

@@ -11,6 +11,10 @@ TOPOLOGIES: Mapping[str, str] = {  # name of the template -> what it is
         "interior magnets, oil on end windings and rotor, water jacket: 14 nodes, two circuits, a loss map"
     ),
     "ipm_four_node": "interior magnets, water jacket: yoke, teeth, winding, rotor",
+    "ipm_seven_node": (
+        "interior magnets, water jacket, a lump for each place of a bench motor's thermocouples: yoke, teeth, winding,"
+        " end winding, rotor, bearing, end cap"
+    ),
     "three_node": "any motor: winding, stator, rotor",
     "induction_fan_cooled": "closed induction motor with a fan on its shaft: 9 nodes",
 }
