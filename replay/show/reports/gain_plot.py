@@ -10,7 +10,18 @@ from matplotlib.figure import Figure
 
 from replay.show.plots.compare import MODELS
 from replay.show.plots.plots import WIDTH
-from replay.show.reports.kept_errors import HOW, STAGES, change, errors, fitted, furthest_first, moved, on_kept, stages
+from replay.show.reports.kept_errors import (
+    HOW,
+    HOW_MOVED,
+    STAGES,
+    change,
+    errors,
+    fitted,
+    furthest_first,
+    moved,
+    on_kept,
+    stages,
+)
 from replay.show.words import words
 from replay.show.words.figure import KEY_ABOVE, FigureTable, Plot, inline_svg, style
 from replay.show.words.palette import INK
@@ -19,7 +30,7 @@ from replay.studies.diagnosis.answer import Diagnosis, KeptGain
 DRAWN = dict(zip(STAGES, MODELS.values(), strict=True))  # stage -> how it is drawn
 ROW, MARGIN = 0.55, 0.75  # inches: height of a node's bars, of what is above and below
 ROOM = 1.2  # of the longest bar: its figures stand behind it
-READING = f"Bars: {HOW.replace('; fitted', '; dots')}."
+READING = f"Bars: {HOW.replace('; fitted', '; dots')}{HOW_MOVED}."
 INTERVAL = (
     " Whisker: 95 % interval of what the cause takes away, fitted, {}. Dots that do not differ by more than it are not "
     "told apart."
