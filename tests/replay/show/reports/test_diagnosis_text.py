@@ -489,8 +489,7 @@ def test_what_is_beyond_usual_is_told_before_any_cause_in_a_few_lines() -> None:
     for part in (
         "Form of the losses in iron: 3.1 times as far from the file as usual (ln evidence +34.2). Better known with a",
         "The heat path between housing and air had to shrink by 3.5 sd: −75 % (−80 to −70). It ended at its bound,",
-        "a factor of 4. Better known with sensors at both ends and 2 more in the report Numbers of the file, "
-        "its sensors",
+        "a factor of 4. Better known with sensors at both ends and 2 more in the report Numbers of the file,",
         "and its sessions that had to go far: 3",
     ):
         assert part in text
