@@ -29,6 +29,7 @@ from made import can_bench
 from replay.shipped import example
 from replay.studies.diagnosis.diagnose import diagnose
 from twin.diagnosis import naming
+from twin.diagnosis.rounds import with_refits
 
 THREADS, WORKERS = 2, 4
 
@@ -76,7 +77,7 @@ def measured(folder: Path, place: Path) -> dict[str, float]:
 @contextmanager
 def _watched() -> Iterator[tuple[list[float], list[int]]]:
     """Processor time [s] of each round's refits, and their number."""
-    spent_s, refits, with_refits = list[float](), list[int](), naming.with_refits
+    spent_s, refits = list[float](), list[int]()
 
     def watched(*args: Any, **more: Any) -> Any:
         begun = time.process_time()
