@@ -105,6 +105,9 @@ def _answer(words: list[str]) -> int:
 
         say(plain_line(f"whyhot: {verb} is no verb.{hint(verb, VERBS)} whyhot --help lists all"), sys.stderr)
         return 2
+    if words and (option := words[0].partition("=")[0]) in ("--store", "--json"):
+        say(f"whyhot: {option} stands behind a verb: whyhot VERB {option}. See whyhot --help", sys.stderr)
+        return 2
     try:
         parser = build_parser(verb)
     except ImportError as error:  # another module hides one of ours, or a part is not installed

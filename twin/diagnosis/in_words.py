@@ -95,7 +95,7 @@ class Plain:
             case sensor_laws.SensorLaw():
                 return f"the {'offset' if parameter.action.law == 'bias' else parameter.action.law} of {place}"
             case actions.Beside(_, node):
-                return f"how much {place} follows {place_words(self._network.names[node])}"
+                return f"the share of {place_words(self._network.names[node])} in what {place} reads"
             case actions.Late(drifts=drifts):
                 return f"the {'drift' if drifts else 'offset'} of the clock of {place}"
         return f"the reading of {place_words(place)}"

@@ -17,7 +17,7 @@ def told(diagnosis: Diagnosis) -> Iterator[str]:
     unusual = of_last_fit(diagnosis)
     sharper = ""
     for one in unusual[:SHOWN]:
-        yield f"{sentence(diagnosis, one)}{f'. Sharper with {one.sharper}' if one.sharper != sharper else ''}"
+        yield f"{sentence(diagnosis, one)}{f'. Better known with {one.sharper}' if one.sharper != sharper else ''}"
         sharper = one.sharper
     if len(unusual) > SHOWN:
         yield f"and {len(unusual) - SHOWN} more in the report"

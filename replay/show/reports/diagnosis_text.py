@@ -133,12 +133,14 @@ def _gain(diagnosis: Diagnosis) -> Iterator[str]:
     if not diagnosis.gain:
         return
     gains, of = kept_errors.furthest_first(diagnosis.gain), kept_errors.stages(bool(diagnosis.fitted_with))
-    yield f"mean error {' -> '.join(kept_errors.STAGES[stage] for stage in of)}, {kept_errors.HOW}"
+    yield f"mean error {' -> '.join(kept_errors.STAGES[stage] for stage in of)}, {kept_errors.how(gains)}"
     if diagnosis.fitted_with:
         yield from _before_and_after(gains, of)
     else:
         yield " · ".join(_at(gain, of) for gain in gains)
-    outside = f"{100 * max(g.outside_trained_share for g in gains):.0f} % of the time where nothing was learnt"
+    outside = (
+        f"{100 * max(g.outside_trained_share for g in gains):.0f} % of the time at points that were not learnt from"
+    )
     interval = f"95 % intervals {gains[0].interval}; " if diagnosis.fitted_with else ""
     yield f"{words.joined(diagnosis.held_out_names)}; {interval}{outside}"
     yield from gain_notes(diagnosis)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from replay.show.plots.compare import MODELS
 from replay.show.plots.plots import WIDTH
-from replay.show.reports.kept_errors import HOW, STAGES, change, errors, fitted, furthest_first, moved, on_kept, stages
+from replay.show.reports.kept_errors import STAGES, change, errors, fitted, furthest_first, how, moved, on_kept, stages
 from replay.show.words import words
 from replay.show.words.figure import KEY_ABOVE, FigureTable, Plot, inline_svg, style
 from replay.show.words.palette import INK
@@ -19,7 +19,6 @@ from replay.studies.diagnosis.answer import Diagnosis, KeptGain
 DRAWN = dict(zip(STAGES, MODELS.values(), strict=True))  # stage -> how it is drawn
 ROW, MARGIN = 0.55, 0.75  # inches: height of a node's bars, of what is above and below
 ROOM = 1.2  # of the longest bar: its figures stand behind it
-READING = f"Bars: {HOW.replace('; fitted', '; dots')}."
 INTERVAL = (
     " Whisker: 95 % interval of what the cause takes away, fitted, {}. Dots that do not differ by more than it are not "
     "told apart."
@@ -35,7 +34,7 @@ def gain_bars(diagnosis: Diagnosis) -> Plot | None:
     title = _title(diagnosis)
     with style(f"{diagnosis.diagnosis} gain"):
         svg = inline_svg(_draw(gains, named), title)
-    note = READING + (INTERVAL.format(gains[0].interval) if named else "")
+    note = f"Bars: {how(gains).replace('; fitted', '; dots')}." + (INTERVAL.format(gains[0].interval) if named else "")
     return Plot(title, svg, note, _table(gains, named))
 
 

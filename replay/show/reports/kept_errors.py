@@ -11,9 +11,8 @@ from replay.studies.diagnosis.answer import Diagnosis, KeptGain, calibration_is_
 
 STAGES: Mapping[str, str] = {"published": "as published", "before": "recalibrated", "after": "with the cause"}
 FITTED = "start, coolant and readings fitted on the first tenth of each kept session"
-HOW = (
-    f"replayed, against readings as recorded; fitted: with {FITTED}; reading moved: by learnt corrections, in the mean"
-)
+HOW = f"replayed, against readings as recorded; fitted: with {FITTED}"
+HOW_MOVED = "; reading moved: by learnt corrections, in the mean"
 WORSE_K = 0.1  # an error that rose by less stayed
 
 
@@ -42,6 +41,11 @@ def moved(gain: KeptGain) -> str:
     """ "reading moved by −1.4 K": what learnt corrections add in the mean; "" where that is next to nothing."""
     told = abs(gain.reading_moved_K) >= MOVED_K
     return f"reading moved by {words.signed_kelvin(gain.reading_moved_K)}" if told else ""
+
+
+def how(gains: Sequence[KeptGain]) -> str:
+    """What the errors of these nodes are, as they are told: a legend of what is said of them, and of nothing else."""
+    return HOW + HOW_MOVED * any(moved(gain) for gain in gains)
 
 
 def errors(gain: KeptGain, of: Sequence[str], *more: str) -> str:

@@ -101,6 +101,6 @@ def _versions(found: Bisected) -> str:
 
 def _next(found: Bisected) -> str:
     if found.before and found.first:
-        return f"whyhot repeat {shlex.quote(found.before.name)} {shlex.quote(found.first.name)}"
+        return f"whyhot replay {shlex.quote(found.before.name)} {shlex.quote(found.first.name)}"
     names = " ".join(shlex.quote(one.session.name) for one in found.residuals)
     return f"whyhot diagnose --on {names}"

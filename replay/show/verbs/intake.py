@@ -9,8 +9,9 @@ from typing import Any
 from ingest.catalogue.quality import seconds
 from ingest.facts.events import DecodeCompleted, QualityFlagged, SessionRecorded
 from ingest.intake.intake import Intake, Taken
-from replay.show.words.words import size
+from replay.show.words.words import joined, size
 
+REPEATED = ("held", "stuck", "saturated")  # flags of a channel that gives one value again and again
 Home = tuple[str, str | None]  # of a channel: its file, its bus
 Member = tuple[QualityFlagged, Home]
 
@@ -92,7 +93,8 @@ def _version_lines(intake: Intake) -> list[str]:
 
 
 def _flag_lines(intake: Intake) -> list[str]:
-    """A line a flag; gaps of several channels that cover the same stretches of one file are one line together."""
+    """A line a flag; one line together are gaps of several channels that cover the same stretches of one file, and what
+    a channel repeats in several sessions."""
     homes = _homes(intake)
     entries: list[tuple[str, list[Member]]] = []
     for session, flag in intake.flags:
@@ -102,8 +104,30 @@ def _flag_lines(intake: Intake) -> list[str]:
             members.append((flag, home))
         else:
             entries.append((session, [(flag, home)]))
-    told = ((session, _silence(m) if len(m) > 1 else m[0][0].says) for session, m in entries)
-    return [f"  {says}" if says.startswith(f"{name}: ") else f"  {name}: {says}" for name, says in told]
+    repeated = _repeated(entries)
+    lines = []
+    for session, members in entries:
+        flag = members[0][0]
+        first, *further = repeated.get(_repeats(flag), [session])
+        if session != first:
+            continue
+        says = _silence(members) if len(members) > 1 else flag.says
+        alike = f"; the like in {joined(further)}" if further else ""
+        lines.append(f"  {says if says.startswith(f'{session}: ') else f'{session}: {says}'}{alike}")
+    return lines
+
+
+def _repeats(flag: QualityFlagged) -> tuple[str, str]:
+    return flag.flag, flag.detail.get("channel", "")
+
+
+def _repeated(entries: Sequence[tuple[str, Sequence[Member]]]) -> Mapping[tuple[str, str], list[str]]:
+    """How and which channel repeats a value -> the sessions in which it does."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for session, members in entries:
+        if members[0][0].flag in REPEATED:
+            found.setdefault(_repeats(members[0][0]), []).append(session)
+    return found
 
 
 def _homes(intake: Intake) -> Mapping[tuple[str, str], Home]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
@@ -85,8 +86,9 @@ def protocol_text(found: Protocol) -> str:
     lines += ["", *_checked(found), ""]
     for text in filter_notes(found):
         lines += labelled("Filter", text)
-    model = words.short(event.model)
-    return "\n".join([*lines, *labelled("Next", f"whyhot replay --model {model} · whyhot diagnose --model {model}")])
+    model, drives = words.short(event.model), shlex.join(session.name for session in found.drives)
+    diagnose = f"whyhot diagnose --on {drives} --model {model}"
+    return "\n".join([*lines, *labelled("Next", f"whyhot replay --model {model} · {diagnose}")])
 
 
 def answer(found: Protocol) -> str:

@@ -236,8 +236,8 @@ def _said_by_sessions(one: Round, refit: Refit) -> str:
             return f"sessions left out ask for it by {said:.1f} in ln density, and {EVIDENT:.0f} is needed"
         case None:
             assert one.best is not None, "this one holds"
-            errors = f"{one.best.left_out_K:.2f} and {refit.left_out_K:.2f} K"
-            return f"sessions left out are nearer with the one that was let in ({errors})"
+            errors = f"{one.best.left_out_K:.2f} K, with this one {refit.left_out_K:.2f} K"
+            return f"sessions left out are nearer with the term that was let in instead ({errors})"
         case other:
             assert_never(other)
 

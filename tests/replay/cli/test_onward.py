@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import re
-import shlex
 from pathlib import Path
 
 import pytest
 
 from made import can_bench
-from replay.cli import main
+from made.onward import followed
 from replay.show.words.onward import BETWEEN, onward
 from replay.show.words.terminal import labelled
-
-PLACE_TO_FILL = re.compile(r"\bFILE\b")
 
 
 @pytest.fixture(scope="module")
@@ -23,13 +19,6 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
     can_bench.write_log(folder / "1 s1.blf", seconds=90, seed=1)
     can_bench.write_log(folder / "2_s1.blf", seconds=90, seed=1, start=can_bench.START + 86_400)
     return folder
-
-
-def _commands(printed: str) -> list[str]:
-    """The commands of the last line: each from `whyhot` to its end, less what is to be done by hand before it."""
-    last = printed.rstrip("\n").split("\n")[-1]
-    assert re.match("next: |Next  | {18}", last), last
-    return [f"whyhot {one.partition('whyhot ')[2]}" for one in last.split(BETWEEN)]
 
 
 def test_every_next_command_runs_as_it_is_printed(
@@ -51,18 +40,18 @@ def test_every_next_command_runs_as_it_is_printed(
         ["attach", "motor.toml", "--specimen", "servo-01", "--finding", "none", *store],
         ["bench", "export", "bench.toml", "-o", "again.toml", *store],
     ]
-    left, done = [shlex.join(["whyhot", *words]) for words in begin], set[str]()
-    while left:
-        command = left.pop(0)
-        done.add(command)
-        assert main(shlex.split(command)[1:]) == 0, command
-        printed = capsys.readouterr().out
-        if re.search("^(next: |Next  )", printed, re.MULTILINE):
-            new = [one for one in _commands(printed) if one not in done and one not in left]
-            left += [one for one in new if one != "whyhot --help" and not PLACE_TO_FILL.search(one)]
-    verbs = {one.split()[1] for one in done if " " in one}
-    assert verbs >= {"show", "replay", "report", "ingest", "sql", "motor"}, verbs
-    assert any(one.startswith("whyhot show --store 'the store' '") for one in done)
+    by = followed(begin, capsys)
+    assert {verb for verb, said in by.items() if said} >= {words[0] if words else "" for words in begin} | {"show"}
+    assert any(one.startswith("whyhot show --store 'the store' '") for said in by.values() for one in said)
+    put_right = [
+        ["correct", "2_s1", "--kind", "wltp", "--reason", "as the bench says", *store],
+        ["backup", "a copy", *store],
+        ["restore", "a copy", "--store", "as it was"],
+        ["retract", "2_s1.blf", "--reason", "the pump stood", *store],
+        ["forget", "2_s1.blf", "--reason", "the pump stood", *store],
+    ]
+    by = followed(put_right, capsys)
+    assert {verb for verb, said in by.items() if said} >= {words[0] for words in put_right} - {"forget"}
 
 
 def test_the_default_store_is_not_said() -> None:

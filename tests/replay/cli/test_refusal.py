@@ -101,6 +101,12 @@ def test_a_mistyped_verb_names_the_nearest(capsys: Capture) -> None:
     assert capsys.readouterr().err == "whyhot: xyzzy is no verb. whyhot --help lists all\n"
 
 
+@pytest.mark.parametrize("words", [["--store", "s", "sessions"], ["--store=s"]])
+def test_an_option_before_its_verb_says_where_it_stands(words: list[str], capsys: Capture) -> None:
+    assert main(words) == 2
+    assert capsys.readouterr().err == "whyhot: --store stands behind a verb: whyhot VERB --store. See whyhot --help\n"
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [

@@ -57,7 +57,7 @@ def test_each_has_words_of_its_own_without_names_of_code(plain: Plain, differenc
         ("capacity.case", "the heat capacity of case"),
         ("sensor.W_1.gain", "the gain of W_1"),
         ("sensor.W_1.bias", "the offset of W_1"),
-        ("sensor.W_1.beside.yoke", "how much W_1 follows yoke"),
+        ("sensor.W_1.beside.yoke", "the share of yoke in what W_1 reads"),
         ("clock.can1.drift", "the drift of the clock of can1"),
         ("boundary.coolant.bias", "the reading of coolant"),
         ("start.yoke", "the temperature of yoke at the start"),

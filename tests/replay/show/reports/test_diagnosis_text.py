@@ -105,7 +105,10 @@ def test_the_gain_lists_better_worse_and_unchanged_nodes() -> None:
         "magnet 10.1 -> 6.4 -> 2.3 K (fitted 9.0 -> 6.1 -> 0.9 K, 5.2 better (4.1 to 6.0), reading moved by −1.7 K)"
     ) in text
     assert "unchanged by the cause: endwinding a outer 0.7 K (fitted 0.3 K)" in text
-    assert "4_s1 and 5_wltp; 95 % intervals within these sessions; 8 % of the time where nothing was learnt" in text
+    assert (
+        "4_s1 and 5_wltp; 95 % intervals within these sessions; 8 % of the time at points that were not learnt from"
+        in text
+    )
     worse = "rotor surface 7.6 -> 0.5 -> 0.6 K (fitted 7.7 -> 0.5 -> 0.6 K, 0.1 worse (0.1 to 0.2))"
     assert worse in flat(diagnosis_text(NOT_IMPROVED))
 
@@ -484,9 +487,9 @@ def test_what_is_beyond_usual_is_told_before_any_cause_in_a_few_lines() -> None:
     assert labels[1:4] == ["What is wrong", "Beyond usual", "Named cause"]
     text = flat("\n".join(lines))
     for part in (
-        "Form of the losses in iron: 3.1 times as far from the file as usual (ln evidence +34.2). Sharper with a",
+        "Form of the losses in iron: 3.1 times as far from the file as usual (ln evidence +34.2). Better known with a",
         "The heat path between housing and air had to shrink by 3.5 sd: −75 % (−80 to −70). It ended at its bound,",
-        "a factor of 4. Sharper with sensors at both ends and 2 more in the report Numbers of the file, its sensors",
+        "a factor of 4. Better known with sensors at both ends and 2 more in the report Numbers of the file,",
         "and its sessions that had to go far: 3",
     ):
         assert part in text

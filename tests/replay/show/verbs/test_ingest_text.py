@@ -80,3 +80,14 @@ def test_gaps_at_different_times_or_of_unknown_files_stay_apart() -> None:
     flags = [gap("T1", (10, 12)), gap("T2", (30, 32)), gap("T3", (10, 12), (30, 32)), gap("other", (10, 12))]
     flags.append(replace(gap("T1", (10, 12)), flag="held", says="T1 holds its last value"))
     assert said(flags, T1="can2", T2="can2", T3="can2") == [f"  a: {flag.says}" for flag in flags]
+
+
+def test_what_a_sensor_repeats_in_several_sessions_is_one_line() -> None:
+    stuck = replace(gap("T1", (10, 12)), flag="held", says="T1 holds its last value for 2.0 s: masked")
+    other = replace(gap("T2", (10, 12)), flag="held", says="T2 holds its last value for 2.0 s: masked")
+    found = Intake((), (), (("a", stuck), ("a", other), ("b", stuck), ("c", stuck), ("c", gap("T1", (30, 32)))))
+    assert intake_text(found).splitlines() == [
+        "  a: T1 holds its last value for 2.0 s: masked; the like in b and c",
+        "  a: T2 holds its last value for 2.0 s: masked",
+        "  c: T1 has no samples",
+    ]

@@ -38,7 +38,7 @@ LET_IN = refit([4.0, 4.0, 4.0, 4.0], 0.5)
         ),
         (
             refit([9.0, 9.0, 9.0, -3.5], 0.7),
-            "sessions left out are nearer with the one that was let in (0.50 and 0.70 K)",
+            "sessions left out are nearer with the term that was let in instead (0.50 K, with this one 0.70 K)",
         ),
         (refit([1.0, 1.0, 1.0, 1.0], 0.9), "sessions left out ask for it by 4.0 in ln density, and 6 is needed"),
     ],

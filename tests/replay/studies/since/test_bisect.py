@@ -29,7 +29,7 @@ def test_the_session_where_it_began_is_found_with_what_changed(fleet: Fleet, tmp
     published = [one["published_K"] for one in found["sessions"]]
     assert abs(published[0]) < 0.5
     assert published[1] > 5.0
-    assert text.rstrip().splitlines()[-1] == f"next: whyhot repeat --store {fleet.store} a_1 a_2"
+    assert text.rstrip().splitlines()[-1] == f"next: whyhot replay --store {fleet.store} a_1 a_2"
 
 
 def test_where_nothing_began_it_says_so(fleet: Fleet, capsys: Capture) -> None:
