@@ -94,6 +94,8 @@ def _file_lines(one: InspectedFile) -> list[str]:
     clock = "with absolute time" if reading.absolute else "time from its own start"
     holds = reading.holds if reading.found != 1 else reading.holds.removesuffix("s")
     lines = [f"{one.path.name}   {reading.format}   {reading.found:,} {holds} in {duration(seconds)}, {clock}"]
+    if count := reading.settings.get("zeros_at_head"):
+        lines.append(f"  begins with {count:,} bytes of 0: what stood there is lost; copy the file again")
     if "header_line" in reading.settings:
         lines.append(f"  its header is line {reading.settings['header_line']:,}")
     if count := reading.settings.get("lines_of_no_row"):
