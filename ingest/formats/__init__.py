@@ -270,7 +270,8 @@ def recognise(path: Path) -> Format:
     """
     head = head_of(path)
     if not head:
-        raise UnreadableLogError(f"{path.name}: is empty (0 bytes): nothing to read. Copy the file again.")
+        how = "when it is unpacked" if path.stat().st_size else "(0 bytes)"
+        raise UnreadableLogError(f"{path.name}: is empty {how}: nothing to read. Copy the file again.")
     no_logs = import_module("ingest.formats._no_logs")
     if other := no_logs.no_log(head):
         raise UnreadableLogError(f"{path.name}: is {other}.")
