@@ -234,6 +234,7 @@ class Format:
 
 
 CANDUMP = rb"(?m)^ ?\(\d+\.\d+\)\s+\S+\s+(?:[RT]X \S \S +)?[0-9A-Fa-f]{3,8}(?:#| +\[\d+\] )"  # written, and shown
+FRAME_WAY = rb"\s[RT]x\s"  # received or sent: on each line of a log of frames that is known by its name alone
 FORMATS: tuple[Format, ...] = (
     Format("blf", "frames", (".blf",), b"LOGG", "ingest.formats.blf"),
     Format("asc", "frames", (".asc", ".asc.gz"), b"", "ingest.formats.asc", rb"(?im)^base\s+(hex|dec)\s+timestamps"),
@@ -286,7 +287,8 @@ def recognise(path: Path) -> Format:
             return entry
     if is_text(head):
         texts = (entry for entry in FORMATS if not entry.magic and path.name.lower().endswith(entry.suffixes))
-        return next(texts, ANY_TEXT)
+        entry = next(texts, ANY_TEXT)
+        return ANY_TEXT if entry.holds == "frames" and not re.search(FRAME_WAY, head) and is_table(path) else entry
     todo = no_logs.by_name(path) or "Export it as one of these"
     raise UnreadableLogError(f"{path.name}: is none of the known log formats ({SUFFIXES}). {todo}.")
 

@@ -54,6 +54,13 @@ NO_LOGS: Mapping[bytes, str] = {
         "a VBO file of a VBOX, whose times are hours, minutes and seconds in one number. Export it as CSV in VBOX Test "
         "Suite"
     ),
+    rb"\*{3}BUSMASTER Ver": "a log of BUSMASTER. Save it as ASC there (File, Format Converters, Log to ASC)",
+    rb".{0,3000}?Channel, *ID, *Flags, *DLC, *D0": (
+        "a log of CAN frames in CSV as Kvaser's tools write it. Export it as ASC, BLF or MF4 (Memorator Config Tool)"
+    ),
+    rb"[^\s,=]{1,99}(?:,[^\s=]+=\S+)? \w+=\S+ \d{16,19}\r?\n": (
+        "line protocol of InfluxDB. Export it as CSV (influx query --raw)"
+    ),
     rb"ULog\x01\x12\x35": "a ULog of PX4. Export it as CSV with ulog2csv",
     rb"ORC[^ -~\t\r\n]": "an ORC file. Export it as Parquet (pandas: read_orc(...).to_parquet)",
     rb"Obj\x01": "an Avro file. Export it as Parquet (duckdb: COPY (FROM read_avro('log.avro')) TO 'log.parquet')",

@@ -13,6 +13,7 @@ local zone, the hour that comes twice in autumn counts as the first until its st
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -41,6 +42,7 @@ from ingest.formats._csv_time import recognise_clock
 from ingest.formats._text import TextFile, place_of
 
 SINGLY = 64  # rows that are read one by one where they cannot be read together
+NUMBER_AND_UNIT = re.compile(r"[+-]?\d[\d.,]* ?[^\W\d]{1,4}|[+-]?\d[\d.,]* [^\s\d]{1,6}")
 SHOWN = 64  # first bytes of a rejected row, or of a line above the header
 ABOVE = 20  # lines above the header that are kept as they stand
 
@@ -140,6 +142,8 @@ class CsvLog(Log):
         if dialect.above:
             self.settings["header_line"] = written[dialect.above] + 1
             self.settings["above_header"] = [lines[place].strip()[:SHOWN] for place in written[: dialect.above]][:ABOVE]
+        if said := self._with_units():
+            self.settings["numbers_with_units"] = said
         if dialect.numerals.group:
             self.settings["thousands"] = dialect.numerals.group
         if dialect.renamed:
@@ -158,6 +162,13 @@ class CsvLog(Log):
             if not empty:
                 break
         return tuple(kind is not False for kind in kinds.values())
+
+    def _with_units(self) -> dict[str, str]:
+        """Columns of text that begin with "20.5 °C", which is no number, and that cell."""
+        if not self._dialect.sample:
+            return {}
+        texts = zip(self._dialect.names, self._numeric, self._dialect.sample[0], strict=True)
+        return {name: cell[:SHOWN] for name, kind, cell in texts if not kind and NUMBER_AND_UNIT.fullmatch(cell)}
 
     def _all_rows(self, begin: int) -> Iterator[list[str]]:
         """Every line of the file from line `begin` on, cell by cell."""

@@ -105,6 +105,8 @@ def _file_lines(one: InspectedFile) -> list[str]:
     if "other_sheets" in reading.settings:
         others = ", ".join(reading.settings["other_sheets"])
         lines.append(f"  read of it: sheet {reading.settings['sheet']}, and not {others} ([time] sheet tells another)")
+    for name, cell in reading.settings.get("numbers_with_units", {}).items():
+        lines.append(f'  read as text and not as numbers: {name} ("{cell}"): export it without units in its cells')
     if "left_out" in reading.settings:
         lines.append(f"  left out, neither numbers nor texts: {', '.join(reading.settings['left_out'])}")
     for name, why in reading.settings.get("unconverted", {}).items():

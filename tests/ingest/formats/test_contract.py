@@ -182,10 +182,13 @@ HEADS = {  # of files that programs beside loggers write -> what a person does t
     b"#9000500346WAVEDESC\0\0": "Data Format: ASCII",
     b":WFMP:NR_P 10000;:CURV #520000": "as CSV",
     b"\x0f\x0f:WFM#003": "as CSV",
-    b"AG10": "as CSV",
+    b"AG10\0": "as CSV",
     b"File created on 28/11/2026 at 10:00:00\r\n\r\n[header]\r\ntime\r\n": "VBOX Test Suite",
+    b"***BUSMASTER Ver 3.2.2***\n***PROTOCOL CAN***\n": "Log to ASC",
+    b"Kvaser Memorator Log\n            Time, Channel,         ID,   Flags, DLC, D0, D1": "as ASC, BLF or MF4",
+    b"motor,host=a T_wdg=20.1,n=1000 1764324000000000000\n": "as CSV",
     b"ULog\x01\x12\x35\x01": "ulog2csv",
-    b"ORC": "to_parquet",
+    b"ORC\x08": "to_parquet",
     b"Obj\x01": "log.parquet",
     bytes(8) + b"DUCK": "log.parquet",
     b'{"t": [0, 1]}': "read_json",
@@ -235,6 +238,14 @@ def test_a_file_that_is_known_by_its_name_alone_is_refused_with_what_its_program
     with pytest.raises(UnreadableLogError) as refused:
         recognise(tmp_path / name)
     assert todo in str(refused.value)
+
+
+def test_a_table_with_the_name_of_a_can_log_is_a_table(tmp_path: Path) -> None:
+    path = tmp_path / "catman.asc"
+    path.write_text(
+        "Zeit\tT_W\tn\ns\t°C\tU/min\n" + "".join(f"{k},0\t20,{k}\t{k}\n" for k in range(9)), encoding="cp1252"
+    )
+    assert recognise(path).name == "csv"
 
 
 def test_a_log_with_the_name_of_a_locked_file_is_what_it_begins_like(tmp_path: Path) -> None:
