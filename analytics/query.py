@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 import duckdb
 
 from analytics.errors import AnalyticsError, LostFileError, QueryError, RefusedQueryError
+from analytics.scans import damaged
 from analytics.warehouse import MACROS, MEMORY, VIEWS, Warehouse, refresh
 from ingest.texts.nearest import nearest
 
@@ -227,7 +228,9 @@ def _explained(connection: duckdb.DuckDBPyConnection, error: duckdb.Error) -> An
         return RefusedQueryError(f"SQL: {said}: a query reads the views of this store only ({', '.join(VIEWS)})")
     if "pytz" in said:
         return QueryError("SQL: a time with a zone cannot be shown: cast it, as in now()::TIMESTAMP")
-    if isinstance(error, duckdb.IOException | duckdb.InvalidInputException) and ".parquet" in said:
-        return QueryError(f"SQL: {said[:300]}: run `whyhot rebuild`")
+    if "TProtocolException" in said or (
+        isinstance(error, duckdb.IOException | duckdb.InvalidInputException) and ".parquet" in said
+    ):
+        return QueryError(f"SQL: {damaged(connection) or f'{said[:300]}: `whyhot verify --read` finds the file'}")
     advice = "" if "Candidate" in said or "Did you mean" in said else ". `DESCRIBE samples` lists the columns of a view"
     return QueryError(f"SQL: {said[:400]}{advice}")

@@ -70,6 +70,19 @@ def is_readable(bucket: Bucket | None, file: str) -> bool:
         return False
 
 
+def damaged(connection: duckdb.DuckDBPyConnection) -> str | None:
+    """Of the Parquet files on this disk that the views read, the first with a page that cannot be read, in one line."""
+    for file, kind, again in connection.execute(FILES, [READ]).fetchall():
+        try:
+            with pq.ParquetFile(file, page_checksum_verification=True) as opened:
+                opened.read()
+        except FileNotFoundError:
+            continue
+        except (pa.ArrowException, OSError):
+            return f"{file}: is damaged: no answer has these {kind}; next: {again}"
+    return None
+
+
 def create(connection: duckdb.DuckDBPyConnection, schemas: Schemas) -> None:
     """Make the views from the tables that `base` has of groups, channels, doubled values and artefacts."""
     shared = "FROM base.segments SELECT file GROUP BY file HAVING count(*) > ?"

@@ -5,23 +5,24 @@ from __future__ import annotations
 import json
 import tarfile
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import pytest
 
 from ingest.facts import events, facts
-from ingest.facts.events import Event, RawFileSealed
+from ingest.facts.events import EVENTS, Event, RawFileSealed
 from ingest.facts.store import Store
 from ingest.intake import upgrade
 from ingest.log import decode
 from made import can_bench
 from made.events import raw
+from made.every_event import STORES as FOLDER
+from made.every_event import said
 from made.forged import change, resealed, stored
-from made.places import ROOT
 from replay.cli import main
 
 Capture = pytest.CaptureFixture[str]
-STORES = sorted((ROOT / "tests" / "stores").glob("*.tar.xz"))
+STORES = sorted(FOLDER.glob("*.tar.xz"))
 
 
 def unpacked(version: Path, to: Path) -> Path:
@@ -31,21 +32,6 @@ def unpacked(version: Path, to: Path) -> Path:
             file.extraction_filter = tarfile.data_filter
         file.extractall(to)
     return to / "store"
-
-
-def said(folder: Path) -> dict[str, Any]:
-    """What a store says: its head, and each fact that counts."""
-    with Store.open(folder) as store:
-        known, head = facts.at(store.ledger), store.ledger.head()
-    return {
-        "head": str(head),
-        "logs": {sha256: one.name for sha256, one in known.files.items()},
-        "products": {one.decode: dict(one.products) for one in known.decodes.values()},
-        "sessions": [[one.session, one.name, one.kind, one.specimen] for one in known.sessions],
-        "runs": {one.run: one.digest for one in known.runs.values()},
-        "taken back": sorted(known.retractions),
-        "inspections": sorted(known.inspections),
-    }
 
 
 @pytest.mark.parametrize("version", STORES, ids=lambda path: path.name)
@@ -69,9 +55,14 @@ def test_a_store_of_an_earlier_version_is_read_as_it_was_written(
     assert stored(folder)[: len(rows)] == rows, "written anew"
 
 
+def test_every_kind_of_event_lies_in_a_store_that_is_kept(tmp_path: Path) -> None:
+    kept = {row[3] for place, version in enumerate(STORES) for row in stored(unpacked(version, tmp_path / str(place)))}
+    assert kept >= set(EVENTS), "pack a store that holds it, as made/every_event.py says"
+
+
 @pytest.fixture
 def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    folder = unpacked(STORES[-1], tmp_path)
+    folder = unpacked(FOLDER / "whyhot-0.1.0.tar.xz", tmp_path)
     monkeypatch.setenv("WHYHOT_STORE", str(folder))
     return folder
 

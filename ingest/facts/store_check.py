@@ -107,12 +107,20 @@ def _audited(store: Store, since: Head | None) -> LedgerHistory:
         seen = audit(store.ledger, since)
         if seen.position or seen.findings:
             return seen
-        sealed, decoded = len([*store.archive]), len(listed(store.files / "decoded", "*"))
-        if not sealed + decoded:
-            return seen
-        says = f"holds no event, though {sealed:,} sealed files and {decoded:,} decoded logs are here: its events were "
-        says += "deleted, or the first command of this store was stopped (then give the same command again)"
+        return LedgerHistory(findings=[Flaw(says)]) if (says := without_events(store)) else seen
     return LedgerHistory(findings=[Flaw(f"{place.where}: {says}")])
+
+
+def without_events(store: Store) -> str | None:
+    """That files are here which no event names, in one line, of a store whose ledger holds no event."""
+    sealed, decoded = len([*store.archive]), len(listed(store.files / "decoded", "*"))
+    if not sealed + decoded:
+        return None
+    return (
+        f"{store.ledger.place.where}: holds no event, though {sealed:,} sealed files and {decoded:,} decoded logs "
+        "are here: its events were deleted, or the first command of this store was stopped (then give the same command "
+        "again)"
+    )
 
 
 def _whole_by(workers: Workers, store: Store, seen: LedgerHistory) -> set[tuple[str, str]]:

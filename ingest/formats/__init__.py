@@ -234,6 +234,7 @@ class Format:
 
 
 CANDUMP = rb"(?m)^ ?\(\d+\.\d+\)\s+\S+\s+(?:[RT]X \S \S +)?[0-9A-Fa-f]{3,8}(?:#| +\[\d+\] )"  # written, and shown
+FRAME_WAY = rb"\s[RT]x\s"  # received or sent: on each line of a log of frames that is known by its name alone
 FORMATS: tuple[Format, ...] = (
     Format("blf", "frames", (".blf",), b"LOGG", "ingest.formats.blf"),
     Format("asc", "frames", (".asc", ".asc.gz"), b"", "ingest.formats.asc", rb"(?im)^base\s+(hex|dec)\s+timestamps"),
@@ -256,6 +257,8 @@ FORMATS: tuple[Format, ...] = (
 )
 ANY_TEXT = FORMATS[-1]  # what a text is taken for that looks like no other
 HEAD = 4096  # bytes that tell what a file is
+LONGEST_FIRST = 64 << 20  # bytes of a first line, below which is looked
+SECTOR = bytes(512)  # zeros, as a disk gives them back where nothing was written, or what was is lost
 CONTROLS = bytes({*range(32)} - set(b"\t\n\r\f"))  # which a text does not hold
 ENDS = dict.fromkeys(suffix for entry in FORMATS for suffix in entry.suffixes)  # of names, each once
 SUFFIXES = " ".join(ENDS)  # as help and refusals list them
@@ -268,7 +271,8 @@ def recognise(path: Path) -> Format:
     """
     head = head_of(path)
     if not head:
-        raise UnreadableLogError(f"{path.name}: is empty (0 bytes): nothing to read. Copy the file again.")
+        how = "when it is unpacked" if path.stat().st_size else "(0 bytes)"
+        raise UnreadableLogError(f"{path.name}: is empty {how}: nothing to read. Copy the file again.")
     no_logs = import_module("ingest.formats._no_logs")
     if other := no_logs.no_log(head):
         raise UnreadableLogError(f"{path.name}: is {other}.")
@@ -277,12 +281,14 @@ def recognise(path: Path) -> Format:
             return entry
     if other := no_logs.locked(path):
         raise UnreadableLogError(f"{path.name}: is {other}.")
+    seen = head if b"\n" in head or not is_text(head) else head + b"\n" + _below_first_line(path)
     for entry in FORMATS:
-        if entry.looks and re.search(entry.looks, head) and _claimed(entry, path):
+        if entry.looks and re.search(entry.looks, seen) and _claimed(entry, path):
             return entry
     if is_text(head):
         texts = (entry for entry in FORMATS if not entry.magic and path.name.lower().endswith(entry.suffixes))
-        return next(texts, ANY_TEXT)
+        entry = next(texts, ANY_TEXT)
+        return ANY_TEXT if entry.holds == "frames" and not re.search(FRAME_WAY, head) and is_table(path) else entry
     todo = no_logs.by_name(path) or "Export it as one of these"
     raise UnreadableLogError(f"{path.name}: is none of the known log formats ({SUFFIXES}). {todo}.")
 
@@ -292,8 +298,10 @@ def _claimed(entry: Format, path: Path) -> bool:
 
 
 def is_text(head: bytes) -> bool:
-    """Whether the first bytes of a file are those of a text: at most one in a hundred is none."""
-    return 100 * len(head.translate(None, delete=CONTROLS)) >= 99 * len(head)
+    """Whether the first bytes of a file are those of a text: at most one in a hundred is none, lost sectors apart."""
+    sectors = (head[at : at + len(SECTOR)] for at in range(0, len(head), len(SECTOR)))
+    kept = b"".join(sector for sector in sectors if sector != SECTOR)
+    return 100 * len(kept.translate(None, delete=CONTROLS)) >= 99 * len(kept) > 0
 
 
 def head_of(path: Path) -> bytes:
@@ -307,6 +315,13 @@ def head_of(path: Path) -> bytes:
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         head = head.decode("utf-16", errors="replace").encode()
     return head
+
+
+def _below_first_line(path: Path) -> bytes:
+    """The first bytes below a first line that is longer than HEAD, as damage makes one."""
+    with path.open("rb") as file:
+        file.readline(LONGEST_FIRST)
+        return file.read(HEAD)
 
 
 def is_table(path: Path) -> bool:

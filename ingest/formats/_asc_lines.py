@@ -20,7 +20,7 @@ DATE = re.compile(
     r"(?:[.,](?P<fraction>\d+))?\s*(?P<half>am|pm)?\s+(?P<year>\d{4})",
     re.IGNORECASE,
 )
-STAMP = re.compile(r"\d+\.\d+", re.ASCII)
+STAMP = re.compile(r"\d+\.\d+(?!\S)", re.ASCII)
 CLASSIC_LINE = re.compile(
     r"\S+\s+(?P<bus>\d+)\s+(?P<id>\S+)\s+(?P<way>Rx|Tx)\s+(?P<kind>[dr])(?:\s+(?P<dlc>[0-9A-Fa-f]+)(?=\s|$))?(?P<rest>.*)",
     re.ASCII,
@@ -34,6 +34,9 @@ OCTETS = re.compile(r"(?:\s+[0-9A-Fa-f]{2}(?!\S))*", re.ASCII)
 LONGEST_NUMBER = 20  # digits; one that is longer is damaged, and Python takes long for it or refuses it
 ERROR_LINE = re.compile(r"\S+\s+(?:\d+|CANFD\s+\d+\s+(?:Rx|Tx))\s+ErrorFrame\b", re.IGNORECASE)
 FRAME_LINE = re.compile(r"\S+\s+(?:\d+\s+\S+\s+(?:Rx|Tx)\s|CANFD\s)", re.ASCII)
+BODY = re.compile(
+    r"\d{1,3}\s+[0-9A-Fa-f]{1,8}x?\s+(?:Rx|Tx)\s+[dr]\s|CANFD\s+\d+\s+(?:Rx|Tx)\s", re.ASCII
+)  # of a frame
 OTHER_LINE = re.compile(
     r"//|begin\s|end\s+trigger|(no\s+)?internal\s+events\s|date\s|base\s|\d+\.\d+\s+\S", re.IGNORECASE
 )
@@ -72,6 +75,8 @@ def parse_line(line: str, base: int) -> Line | str | None:
         return ERROR_FRAME
     if FRAME_LINE.match(line) and STAMP.match(line):
         return _frame(line, base)
+    if BODY.search(line) and not line.startswith("//"):
+        return "has a damaged stamp"
     if not line or OTHER_LINE.match(line):
         return None
     return "is no line of an ASC log"

@@ -132,7 +132,7 @@ def _above_header(lines: Sequence[str], delimiter: str) -> int:
     valued = [i for i, column in enumerate(columns) if _holds_values(column)]
     of_values = {place: [table[place][i] for i in valued] for place in fitting}
     first = next((place for place in fitting if _is_data(of_values[place])), 0)
-    above = [place for place in fitting if place < first and not any(map(_is_value, table[place]))]
+    above = [place for place in fitting if place < first and not any(map(is_value, table[place]))]
     names = [place for place in above if 2 * sum(map(bool, of_values[place])) > len(valued)]
     together = [place for place in names if set(range(place, names[-1])) <= set(names)]
     units = next((place for place in together[1:] if _is_units(of_values[place])), None)
@@ -144,17 +144,17 @@ def _above_header(lines: Sequence[str], delimiter: str) -> int:
 def _holds_values(column: Sequence[str]) -> bool:
     """Whether a column holds numbers or stamps: more of them than texts."""
     said = [cell for cell in column if cell not in MISSING]
-    return 2 * sum(cell == "1" or _is_value(cell) for cell in said) > len(said)
+    return 2 * sum(cell == "1" or is_value(cell) for cell in said) > len(said)
 
 
-def _is_value(cell: str) -> bool:
+def is_value(cell: str) -> bool:
     """Whether a cell is a number or a stamp, as rows of data hold them; 1 is a unit as well."""
     return cell != "1" and (any(one.is_number(cell) for one in EITHER) or is_stamp(cell))
 
 
 def _is_data(row: Sequence[str]) -> bool:
     """Whether the cells of columns with values are such, or missing."""
-    return any(map(_is_value, row)) and all(cell in MISSING or cell == "1" or _is_value(cell) for cell in row)
+    return any(map(is_value, row)) and all(cell in MISSING or cell == "1" or is_value(cell) for cell in row)
 
 
 def _is_units(row: Sequence[str]) -> bool:

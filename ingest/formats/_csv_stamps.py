@@ -39,7 +39,7 @@ DATES = {
     "ISO 8601": r"(?P<Y>\d{4})-(?P<m>\d{2})-(?P<d>\d{2})",
     "year/month/day": r"(?P<Y>\d{4})[/.](?P<m>\d{1,2})[/.](?P<d>\d{1,2})",
     "day.month.year": rf"(?P<d>\d{{1,2}})\.(?P<m>\d{{1,2}})\.{YEAR}",
-    DAY_FIRST: rf"(?P<d>\d{{1,2}})/(?P<m>\d{{1,2}})/{YEAR}",
+    DAY_FIRST: rf"(?P<d>\d{{1,2}})[/-](?P<m>\d{{1,2}})[/-]{YEAR}",
     "day month year": rf"(?P<d>\d{{1,2}})[-./ ]{{1,2}}(?P<b>{NAME}{{3}}){NAME}*[-./ ]{{1,2}}{YEAR}",
 }
 OFFSET = r"\s?(?P<z>Z|[+-]\d{2}:?\d{2})?"
@@ -99,10 +99,10 @@ def both_formats(cell: str) -> tuple[str, str]:
     form = cell
     for name, (begin, end) in sorted(places, key=lambda place: place[1], reverse=True):
         form = f"{form[:begin]}%{'I' if name == 'H' and match['p'] else name}{form[end:]}"
-    rest = form[match.end("m") :]
+    sign, rest = cell[match.end("d")], form[match.end("m") :]
     if int(match["d"]) > 12:
-        return f"%d/%m{rest}", f"%y/%m/%d{rest.removeprefix('/%y')}"
-    return f"%d/%m{rest}", f"%m/%d{rest}"
+        return f"%d{sign}%m{rest}", f"%y{sign}%m{sign}%d{rest.removeprefix(f'{sign}%y')}"
+    return f"%d{sign}%m{rest}", f"%m{sign}%d{rest}"
 
 
 def is_stamp(cell: str) -> bool:

@@ -55,7 +55,9 @@ DATE_WORDS = frozenset(("date", "datetime", "datum", "data"))
 MILLIS_NAMES = frozenset(("ms", "msec", "millisecond", "milliseconds", "millisekunde", "millisekunden"))
 SERIAL_D, SERIAL_NS = (36526.0, 73050.0), utc_ns(EPOCH.replace(year=1899, month=12, day=30))  # days of 2000 to 2099
 SERIAL_STEP_D = 1e-3  # numbers so large that go on by less are no seconds: a thousand rows in each
-EPOCH_NS = (1e18, 4e18)  # a column of numbers between these [ns] counts from 1970: years 2001 to 2096
+EPOCH_NS = (1e18, 3.3e18)  # a column of numbers between these [ns] counts from 1970: years 2001 to 2074
+SINCE_1904_S, ORIGIN_1904_NS = (3.3e9, 4.3e9), utc_ns(EPOCH.replace(year=1904))  # as LabVIEW counts: 2008 to 2040
+CATMAN_TIME = re.compile(r"(?:time|zeit) +\d+ - ", re.IGNORECASE)  # "Zeit  1 - Standardmessrate"
 LOOSE_NS = 2_000_000_000  # stamps of whole seconds and what counts beside them: apart by this at most
 NO_RECORD = np.empty(0, np.int64)  # stamps need none
 
@@ -167,6 +169,11 @@ def _by_content(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
         if EPOCH_NS[0] <= middle <= EPOCH_NS[1]:
             says = f"{candidate} since 1970"
             return Counted(says=says, absolute=True, columns=(column,), unit_ns=UNITS_NS[candidate], step_ns=1000)
+    if candidates[0] == "s" and SINCE_1904_S[0] <= median(_numbers(dialect, column)) <= SINCE_1904_S[1]:
+        says = "s since 1904"
+        return Counted(
+            says=says, absolute=True, columns=(column,), unit_ns=SECOND_NS, step_ns=1000, origin_ns=ORIGIN_1904_NS
+        )
     if unit is None and (clock := _serial(time, column, dialect)):
         return clock
     says, start, unit_ns = f"{candidates[0]} from the start", time.start_ns, UNITS_NS[candidates[0]]
@@ -275,14 +282,14 @@ def _with_millis(clock: Stamped, dialect: Dialect) -> Clock:
 
 def _is_day_first(said: list[str], columns: tuple[str, ...], dialect: Dialect) -> bool | None:
     """Whether dates begin with the day: 24/12 does wherever it stands in the table, 05/06 in one with decimal commas or
-    semicolons. None where nothing tells; 25/03/17 may begin with the year in any other table."""
+    semicolons. None where nothing tells; 25/03/17 may begin with the year in any other table, 25-03-17 in any."""
     told = day_first(said)
     if told is None:
         told = day_first(_said(dialect.rows(), columns, dialect))
     european = (dialect.numerals.decimal == "," or dialect.delimiter == ";") and not said[0].upper().endswith("M")
-    if european:
-        return told is not False
-    return None if told and year_may_be_first(said) else told
+    if year_may_be_first(said) and told is not False and ("-" in said[0] or (told and not european)):
+        return None
+    return told is not False if european else told
 
 
 def _said(rows: Iterable[Sequence[str]], columns: tuple[str, ...], dialect: Dialect) -> Iterator[str]:
@@ -319,7 +326,7 @@ def rises(values: NDArray[Any]) -> bool:
 def is_time_name(name: str) -> bool:
     """Whether the name of a column says that it holds the time: `t` does, `T` alone is a temperature."""
     base = base_and_unit(name)[0]
-    return base in TIME_NAMES or (base == "t" and name.startswith("t"))
+    return base in TIME_NAMES or (base == "t" and name.startswith("t")) or CATMAN_TIME.match(name) is not None
 
 
 def base_and_unit(name: str) -> tuple[str, str | None]:

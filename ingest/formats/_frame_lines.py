@@ -96,7 +96,7 @@ class FrameLines(Log):
         text = TextFile(self.path)
         for block in text.blocks():
             yield from self._batch(block, cut=text.open_line and not self.tells_length)
-            if not self._frames + self._errors:
+            if self._lines > 1 and not self._frames + self._errors:  # an overlong line may come before the first frame
                 break
         self._finish(text)
 

@@ -17,7 +17,14 @@ NO_LOGS: Mapping[bytes, str] = {
     rb"PK\x03\x04.{26}mimetypeapplication/vnd\.oasis\.opendocument": (
         "an OpenDocument file. Save it as XLSX (soffice --convert-to xlsx), or as CSV"
     ),
-    rb"MATLAB 5\.0 MAT": "a MATLAB file. Export the table with writetable(T, 'log.csv'), or with parquetwrite",
+    rb"PK\x03\x04.{0,3000}?(?:word|ppt|visio)/": (
+        "an Office document without sheets. Save the table that is in it as XLSX or CSV (paste it into Excel)"
+    ),
+    rb"PK\x03\x04.{26}[^/]{1,99}\.npy": (
+        "arrays of NumPy (NPZ). Export one with numpy.savetxt('log.csv', numpy.load(FILE)['name'], delimiter=',', "
+        "header='t_s,...')"
+    ),
+    rb"MATLAB [57]\.\d MAT": "a MATLAB file. Export the table with writetable(T, 'log.csv'), or with parquetwrite",
     rb"\x89HDF": (
         "an HDF5 file (also of MATLAB 7.3: there writetable(T, 'log.csv')). Export the table as Parquet or CSV "
         "(pandas: read_hdf(...).to_parquet)"
@@ -36,6 +43,35 @@ NO_LOGS: Mapping[bytes, str] = {
     ),
     rb"#ROSBAG V": "a bag of ROS 1. Export it with mcap convert log.bag log.mcap",
     rb"RRF\d": "a recording of the rerun viewer. Export the session as MCAP or Parquet where it came from",
+    rb"(?:#9\d{9})?WAVEDESC": (
+        "a waveform of a LeCroy oscilloscope. Save it there as text (File, Save Waveform, Data Format: ASCII or Excel)"
+    ),
+    rb":(?:WFMP|WFMO|CURV)|(?:\x0f\x0f|\xf0\xf0):WFM#": (
+        "a waveform of a Tektronix oscilloscope. Save it there as CSV (File, Save As, Waveform, *.csv)"
+    ),
+    rb"AG(?:01|03|10|30).{0,10}\0": "a waveform of a Keysight oscilloscope. Save it there as CSV (Save, CSV data)",
+    rb"File created on \d\d.\d\d.\d{4}.*\[header\]": (
+        "a VBO file of a VBOX, whose times are hours, minutes and seconds in one number. Export it as CSV in VBOX Test "
+        "Suite"
+    ),
+    rb"\*{3}BUSMASTER Ver": "a log of BUSMASTER. Save it as ASC there (File, Format Converters, Log to ASC)",
+    rb".{0,3000}?Channel, *ID, *Flags, *DLC, *D0": (
+        "a log of CAN frames in CSV as Kvaser's tools write it. Export it as ASC, BLF or MF4 (Memorator Config Tool)"
+    ),
+    rb"[^\s,=]{1,99}(?:,[^\s=]+=\S+)? \w+=\S+ \d{16,19}\r?\n": (
+        "line protocol of InfluxDB. Export it as CSV (influx query --raw)"
+    ),
+    rb"ULog\x01\x12\x35": "a ULog of PX4. Export it as CSV with ulog2csv",
+    rb"ORC[^ -~\t\r\n]": "an ORC file. Export it as Parquet (pandas: read_orc(...).to_parquet)",
+    rb"Obj\x01": "an Avro file. Export it as Parquet (duckdb: COPY (FROM read_avro('log.avro')) TO 'log.parquet')",
+    rb".{8}DUCK": "a database of DuckDB. Export a table of it (COPY t TO 'log.parquet')",
+    rb"\s*[\[{]\s*[\"\[{]": "a text in JSON. Export it as Parquet or CSV (pandas: read_json(...).to_parquet)",
+    rb"(?i)\s*(?:<!doctype html|<html[\s>])": "a web page (HTML). Export the table that is in it as CSV",
+    rb"\{\\rtf": "a text document (RTF). Export the table that is in it as CSV",
+    rb"\x89PNG|\xff\xd8\xff|GIF8|II\*\0|MM\0\*|(?:<\?xml[^>]*>\s*)?<svg|.{4}ftyp|RIFF.{4}AVI |FFF\0": (
+        "a picture or a film. Keep it beside the logs with whyhot attach FILE --specimen S --finding TEXT"
+    ),
+    rb".{257}ustar": "an archive of tar. Unpack it first (tar xf), or pack its logs with zip",
     rb"RIFF.{4}WAVE": "a sound file (WAV). Export its channels as TDMS or CSV in what recorded it",
     **dict.fromkeys(
         (rb"7z\xbc\xaf", rb"Rar!", rb"BZh", rb"\xfd7zXZ"), "packed in a way that is not read. Unpack it first (7z x)"
@@ -45,6 +81,17 @@ NO_LOGS: Mapping[bytes, str] = {
 BY_NAME: Mapping[str, str] = {
     **dict.fromkeys((".dxd", ".dxz", ".d7d"), "In DewesoftX open it and export it (Analyse, Export) as MDF4 or CSV"),
     ".psdata": "In PicoScope save it as CSV (File, Save as)",
+    ".tdx": "In DIAdem open the TDM file beside it and save it as TDMS (File, Save as)",
+    ".mat": "In MATLAB export the table with writetable(T, 'log.csv')",
+    **dict.fromkeys((".tst", ".bin"), "In the program that wrote it export it as MDF4 or CSV (catman: ASCII)"),
+    ".sie": "In InField or nCode export it as ASCII or CSV",
+    ".gbd": "In GL-Connection convert it to CSV",
+    **dict.fromkeys((".mem", ".hok"), "In the logger utility of Hioki save it as CSV"),
+    **dict.fromkeys((".wdf", ".wvf"), "In Xviewer of Yokogawa convert it to CSV"),
+    **dict.fromkeys((".gev", ".gds", ".gse"), "In Universal Viewer of Yokogawa convert it to ASCII"),
+    ".vsb": "In Vehicle Spy save the buffer as ASC or CSV",
+    ".wfm": "On the oscilloscope save it as CSV",
+    ".lz4": "Unpack it first (lz4 -d)",
 }
 # end of a name -> what a file is that another program packed or locked, and what to do: its bytes may look like text
 LOCKED: Mapping[str, str] = {

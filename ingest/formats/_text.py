@@ -15,7 +15,8 @@ from ingest.errors import UnreadableLogError
 from ingest.formats import GZIP, most_unpacked
 
 BLOCK = 4 << 20  # bytes that are read at once
-LONGEST_LINE = 1 << 20  # bytes
+LONGEST_LINE = 1 << 20  # bytes; of a longer one the first bytes are given, and a NUL for the rest of it
+KEPT = 64
 UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
@@ -29,20 +30,26 @@ class TextFile:
     packed: bool = False
     utf_16: bool = False
     mark: int = 0  # bytes before the text
+    left_out: int = 0  # bytes of overlong lines above this block
 
     def blocks(self) -> Iterator[bytes]:
         """Whole lines with their line feeds; only the last line of the file may lack it."""
-        rest = b""
+        rest, over = b"", 0  # what is open of a line, and how many bytes of it are left out
         for piece in self._in_lines():
+            if over:
+                end, feed, piece = piece.partition(b"\n")
+                over += len(end)
+                if not feed:
+                    continue
+                yield rest + feed
+                self.left_out += over - 1
+                rest, over = b"", 0
             lines, feed, tail = piece.rpartition(b"\n")
             if feed:
                 yield rest + lines + feed
-                rest = tail
-            else:
-                rest += piece
+            rest = tail if feed else rest + tail
             if len(rest) > LONGEST_LINE:
-                self.ended = f"holds a line longer than {LONGEST_LINE:,} bytes"
-                return
+                rest, over = rest[:KEPT] + b"\0", len(rest) - KEPT
         self.open_line = bool(rest)
         if rest:
             yield rest
@@ -117,4 +124,4 @@ def place_of(path: Path, line: int) -> str:
     at = 0
     for _ in range(line - lines):
         at = block.index(b"\n", at) + 1
-    return f"line {line:,}, {'unpacked +' if text.packed else 'byte '}{text.mark + begun + at:,}"
+    return f"line {line:,}, {'unpacked +' if text.packed else 'byte '}{text.mark + text.left_out + begun + at:,}"

@@ -13,6 +13,7 @@ local zone, the hour that comes twice in autumn counts as the first until its st
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -33,6 +34,7 @@ from ingest.formats._csv_dialect import (
     cells,
     header_in_one_line,
     holds_table,
+    is_value,
     recognise_dialect,
 )
 from ingest.formats._csv_numbers import MISSING
@@ -40,6 +42,7 @@ from ingest.formats._csv_time import recognise_clock
 from ingest.formats._text import TextFile, place_of
 
 SINGLY = 64  # rows that are read one by one where they cannot be read together
+NUMBER_AND_UNIT = re.compile(r"[+-]?\d[\d.,]* ?[^\W\d]{1,4}|[+-]?\d[\d.,]* [^\s\d]{1,6}")
 SHOWN = 64  # first bytes of a rejected row, or of a line above the header
 ABOVE = 20  # lines above the header that are kept as they stand
 
@@ -76,7 +79,7 @@ class CsvLog(Log):
                 self.settings["encoding"] = "utf-16"
             lines = self._decoded(block, first=number == 0).split("\n")
             lines = lines[:-1] if not lines[-1] else lines
-            lines = header_in_one_line(lines) if number == 0 else lines
+            lines = header_in_one_line([self._headed(lines[0]), *lines[1:]]) if number == 0 else lines
             begin = self._begin(lines) if number == 0 else 0
             self._lines += begin
             yield from self._rows(lines[begin:], cut=text.open_line and text.ended is not None)
@@ -100,6 +103,13 @@ class CsvLog(Log):
             self.settings["encoding"] = "cp1252"
             return block.decode("cp1252", errors="replace").replace("\r\n", "\n")
 
+    def _headed(self, line: str) -> str:
+        """The first line of the file without the zeros above it, which a disk gives back for what is lost."""
+        headed = line.lstrip("\0")
+        if lost := len(line) - len(headed):
+            self.settings["zeros_at_head"] = lost
+        return headed
+
     def _begin(self, lines: Sequence[str]) -> int:
         """Recognise the table from its first lines; the number of lines before its first row."""
         above = self.time.skip_rows
@@ -111,6 +121,11 @@ class CsvLog(Log):
                 "leaves out: correct that number."
             )
         dialect = recognise_dialect([lines[place] for place in written], self.path.name)
+        if (lost := self.settings.get("zeros_at_head")) and any(map(is_value, dialect.names)):
+            raise UnreadableLogError(
+                f"{self.path.name}: its first {lost:,} bytes are 0: its header is lost. Copy the file again, "
+                "or write the header above its rows."
+            )
         begin = written[dialect.above + dialect.units_row] + 1
         self._header = lines[written[dialect.above]]
         self._dialect = dialect = replace(dialect, rows=lambda: self._all_rows(begin))
@@ -127,6 +142,8 @@ class CsvLog(Log):
         if dialect.above:
             self.settings["header_line"] = written[dialect.above] + 1
             self.settings["above_header"] = [lines[place].strip()[:SHOWN] for place in written[: dialect.above]][:ABOVE]
+        if said := self._with_units():
+            self.settings["numbers_with_units"] = said
         if dialect.numerals.group:
             self.settings["thousands"] = dialect.numerals.group
         if dialect.renamed:
@@ -145,6 +162,13 @@ class CsvLog(Log):
             if not empty:
                 break
         return tuple(kind is not False for kind in kinds.values())
+
+    def _with_units(self) -> dict[str, str]:
+        """Columns of text that begin with "20.5 °C", which is no number, and that cell."""
+        if not self._dialect.sample:
+            return {}
+        texts = zip(self._dialect.names, self._numeric, self._dialect.sample[0], strict=True)
+        return {name: cell[:SHOWN] for name, kind, cell in texts if not kind and NUMBER_AND_UNIT.fullmatch(cell)}
 
     def _all_rows(self, begin: int) -> Iterator[list[str]]:
         """Every line of the file from line `begin` on, cell by cell."""
@@ -303,7 +327,8 @@ class CsvLog(Log):
 def is_table(path: Path) -> bool:
     """Whether a text begins as a table does: with a header and rows that hold numbers."""
     block = next(TextFile(path).blocks(), b"")
-    lines = header_in_one_line(block.decode("utf-8-sig", errors="replace").replace("\r\n", "\n").split("\n"))
+    text = block.decode("utf-8-sig", errors="replace").replace("\r\n", "\n").lstrip("\0")
+    lines = header_in_one_line(text.split("\n"))
     return holds_table([line for line in lines if _is_row(line)][: 2 * SAMPLE_ROWS])
 
 

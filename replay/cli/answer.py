@@ -7,14 +7,16 @@ import json
 import os
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ingest.errors import IngestError
 from ingest.texts.plain import plain_line
 from replay.cli.encoding import say, takes_all
 from replay.cli.progress import tell
-from replay.show.words.onward import DEFAULT_STORE, onward
+from replay.show.words.onward import DEFAULT_STORE, on_store, onward
 
 if TYPE_CHECKING:
     from ingest.facts.store import Store
@@ -59,7 +61,7 @@ def deliver(args: argparse.Namespace, answer: Answer) -> int:
     """Print or write the answer; returns its exit code."""
     tell("")
     for note in answer.notes:
-        say(plain_line(note), sys.stderr)
+        say(plain_line(on_store(note, store_folder(args))), sys.stderr)
     if args.json is not None:
         _write_json(args.json, answer.data)
     if args.json != "-" and answer.text:
@@ -70,6 +72,8 @@ def deliver(args: argparse.Namespace, answer: Answer) -> int:
 def deliver_error(args: argparse.Namespace, line: str) -> int:
     """A refusal: one line on standard error and, with --json, `{"schema", "error"}`. Exit code 2."""
     tell("")
+    with suppress(IngestError):  # the store that was named may be what is refused
+        line = on_store(line, store_folder(args))
     say(plain_line(line), sys.stderr)
     if args.json is not None:
         _write_json(args.json, {"schema": f"whyhot.{args.verb}/1", "error": line, "provenance": provenance(None)})

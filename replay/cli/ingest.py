@@ -18,6 +18,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> Answer:
     from ingest.facts.sessions import Override
     from ingest.facts.store import Store
+    from ingest.facts.store_check import without_events
     from ingest.intake.given import opened
     from ingest.intake.intake import take_in
     from ingest.intake.setup import prepare
@@ -30,6 +31,7 @@ def run(args: argparse.Namespace) -> Answer:
         logs = [*given.logs]
         setup = prepare(logs, args.bench, databases, for_intake)
         with Store.open(store_folder(args), create=True, write=True) as store:
+            lost = None if store.ledger.head().position else without_events(store)
             said = Override(args.specimen, args.batch, args.kind)
             intake = take_in(store, logs, setup, said, tell, workers=workers_of(args))
             store.ledger.seal()
@@ -37,4 +39,5 @@ def run(args: argparse.Namespace) -> Answer:
     data = {**intake_json(intake), "skipped": given.skipped, "refused": given.refused, "provenance": origin}
     nothing = not any(one.decode for one in intake.files)
     refusals = [*given.refused, *intake.refusals]
-    return Answer(data, "" if nothing else intake_text(intake), 1 if refusals else 0, [*given.skipped, *refusals])
+    notes = [*([lost] if lost else []), *given.skipped, *refusals]
+    return Answer(data, "" if nothing else intake_text(intake), 1 if refusals else 0, notes)

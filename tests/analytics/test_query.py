@@ -180,6 +180,16 @@ def test_a_question_is_answered_without_a_file_that_vanished(store: Store) -> No
     assert re.search("rows.parquet: is missing: .*; next: whyhot rebuild$", asked.left_out or "")
 
 
+def test_a_damaged_page_is_told_with_its_file_and_the_next_command(store: Store) -> None:
+    path = on_disk(store.decoded("d2")) / "rows.parquet"
+    ask(store, "FROM sessions")
+    whole = path.read_bytes()
+    path.write_bytes(whole[:4] + bytes(256) + whole[260:])
+    line = f"SQL: {path.absolute()}: is damaged: no answer has these samples; next: whyhot rebuild"
+    with pytest.raises(QueryError, match=f"^{re.escape(line)}$"):
+        ask(store, "SELECT sum(value), sum(t_ns) FROM samples")
+
+
 @pytest.mark.parametrize("brackets", [20_000, LONGEST])
 def test_a_query_of_brackets_is_refused(connection: duckdb.DuckDBPyConnection, brackets: int) -> None:
     with pytest.raises(AnalyticsError) as caught:

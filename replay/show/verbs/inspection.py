@@ -94,6 +94,8 @@ def _file_lines(one: InspectedFile) -> list[str]:
     clock = "with absolute time" if reading.absolute else "time from its own start"
     holds = reading.holds if reading.found != 1 else reading.holds.removesuffix("s")
     lines = [f"{one.path.name}   {reading.format}   {reading.found:,} {holds} in {duration(seconds)}, {clock}"]
+    if count := reading.settings.get("zeros_at_head"):
+        lines.append(f"  begins with {count:,} bytes of 0: what stood there is lost; copy the file again")
     if "header_line" in reading.settings:
         lines.append(f"  its header is line {reading.settings['header_line']:,}")
     if count := reading.settings.get("lines_of_no_row"):
@@ -103,6 +105,8 @@ def _file_lines(one: InspectedFile) -> list[str]:
     if "other_sheets" in reading.settings:
         others = ", ".join(reading.settings["other_sheets"])
         lines.append(f"  read of it: sheet {reading.settings['sheet']}, and not {others} ([time] sheet tells another)")
+    for name, cell in reading.settings.get("numbers_with_units", {}).items():
+        lines.append(f'  read as text and not as numbers: {name} ("{cell}"): export it without units in its cells')
     if "left_out" in reading.settings:
         lines.append(f"  left out, neither numbers nor texts: {', '.join(reading.settings['left_out'])}")
     for name, why in reading.settings.get("unconverted", {}).items():

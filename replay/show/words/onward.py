@@ -12,12 +12,19 @@ DEFAULT_STORE = Path("whyhot-store")
 BETWEEN = " · "  # several commands of one line; what is to be done by hand stands before the command
 NEXT = re.compile(r"^(next: |(?:Next|Then) {2,})(.*(?:\n {2,}\S.*)*)$", re.MULTILINE)
 VERB = re.compile(r"\bwhyhot ([a-z]+)(?![^`·]* --store )(?= |$)")  # one that names no store itself
+SAID = re.compile(r"(?<=[`])whyhot ([a-z]+)(?![^`]* --store )(?=[ `])|(?<=next: )whyhot ([a-z]+)(?=[ ;]|$)")
 
 
 def onward(text: str, store: Path = DEFAULT_STORE) -> str:
     """`text` with a line for each of its next commands where one line is too short for all, on `store` where that is
     not the default one. What was laid out so already stays."""
     return NEXT.sub(lambda found: found[1] + _laid_out(found[2], len(found[1]), store), text)
+
+
+def on_store(line: str, store: Path) -> str:
+    """The line of a refusal or a note with the store in the commands that it names, where that is not the default."""
+    named = f" --store {shlex.quote(str(store))}"
+    return line if store == DEFAULT_STORE else SAID.sub(lambda found: found[0] + named, line)
 
 
 def _laid_out(commands: str, indent: int, store: Path) -> str:

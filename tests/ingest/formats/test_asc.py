@@ -192,6 +192,12 @@ def test_fd_frames_on_classic_lines_keep_all_their_bytes(tmp_path: Path) -> None
         ("0.1 CANFD 5 Tx ErrorFrame Not Acknowledge error", "error frame"),
         ("99999999999.0 1 64 Rx d 0", "has a stamp that no log can reach"),
         ("¤%&/ 12", "is no line of an ASC log"),
+        ("0.1 00 1 64 Rx d 1 01", "has a damaged stamp"),
+        ("0.1x 1 64 Rx d 1 01", "has a damaged stamp"),
+        ("0.1001 64 Rx d 1 01", "has a damaged stamp"),
+        ("0,1 1 64 Rx d 1 01", "has a damaged stamp"),
+        ("\0\0\0 CANFD 1 Rx 64 1 0 1 1 00", "has a damaged stamp"),
+        ("0.1 00 CANFD 1 Rx 64 1 0 1 1 00", "has a damaged stamp"),
     ],
 )
 def test_a_line_that_cannot_be_read_is_rejected_with_its_number(tmp_path: Path, line: str, why: str) -> None:

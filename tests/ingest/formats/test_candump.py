@@ -8,6 +8,7 @@ import pytest
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import EXTENDED, FD, REMOTE, TRANSMIT, TimeSpec, recognise
+from ingest.formats._text import place_of
 from made.frames import as_frames, messages, read, write
 from made.places import LOGS
 
@@ -136,3 +137,18 @@ def test_what_candump_shows_is_what_it_writes(tmp_path: Path) -> None:
         *(entry.why for entry in one.rejected),
         "holds 2 of its 8 bytes",
     ]
+
+
+@pytest.mark.parametrize("above", [0, 1])
+def test_an_overlong_line_costs_one_record(tmp_path: Path, above: int) -> None:
+    overlong = FIRST.strip() + "0" * 9_000_000 + "\n"
+    log, frames = read(log_of(tmp_path, FIRST * above + overlong + FIRST))
+    assert len(frames) == above + 1
+    assert [(one.record, one.where) for one in log.rejected] == [(above, f"line {above + 1}")]
+    begin = len(FIRST) * above + len(overlong)
+    assert place_of(log.path, above + 2) == f"line {above + 2}, byte {begin:,}"
+
+
+def test_a_log_is_known_below_an_overlong_first_line(tmp_path: Path) -> None:
+    log, frames = read(log_of(tmp_path, "x" * 10_000 + "\n" + FIRST))
+    assert (len(frames), [one.where for one in log.rejected]) == (1, ["line 1"])

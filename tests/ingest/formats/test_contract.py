@@ -149,11 +149,9 @@ def test_a_file_is_recognised_by_its_mark_before_its_name(tmp_path: Path) -> Non
 
 
 def test_a_file_of_no_known_format_is_refused_with_those_that_are(tmp_path: Path) -> None:
-    path = tmp_path / "photograph.csv"
-    path.write_bytes(b"\xff\xd8\xff\xe0\x00\x10JFIF\x00\x01" + bytes(100))
-    with pytest.raises(
-        UnreadableLogError, match=r"photograph\.csv: is none of the known log formats \(\.blf \.asc .*\.csv"
-    ):
+    path = tmp_path / "noise.csv"
+    path.write_bytes(random.Random(1).randbytes(100))
+    with pytest.raises(UnreadableLogError, match=r"noise\.csv: is none of the known log formats \(\.blf \.asc .*\.csv"):
         recognise(path)
 
 
@@ -162,7 +160,10 @@ HEADS = {  # of files that programs beside loggers write -> what a person does t
     b"%PDF-1.4": "as CSV",
     b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1": "soffice --convert-to xlsx",
     b"PK\x03\x04" + bytes(26) + b"mimetypeapplication/vnd.oasis.opendocument.spreadsheet": "soffice --convert-to xlsx",
+    b"PK\x03\x04" + bytes(26) + b"[Content_Types].xml" + bytes(300) + b"word/document.xml": "as XLSX or CSV",
+    b"PK\x03\x04" + bytes(26) + b"a.npy": "numpy.load",
     b"MATLAB 5.0 MAT-file, Platform: PCWIN64": "writetable(T, 'log.csv')",
+    b"MATLAB 7.3 MAT-file, Platform: GLNXA64": "writetable(T, 'log.csv')",
     b"\x89HDF\r\n\x1a\n": "to_parquet",
     b"CDF\x01": "to_parquet",
     b"\x93NUMPY\x01\0": "numpy.savetxt('log.csv'",
@@ -178,6 +179,26 @@ HEADS = {  # of files that programs beside loggers write -> what a person does t
     b"#ROSBAG V2.0\n": "mcap convert log.bag log.mcap",
     b"RRF2": "as MCAP or Parquet",
     b"RIFF\0\0\0\0WAVEfmt ": "as TDMS or CSV",
+    b"#9000500346WAVEDESC\0\0": "Data Format: ASCII",
+    b":WFMP:NR_P 10000;:CURV #520000": "as CSV",
+    b"\x0f\x0f:WFM#003": "as CSV",
+    b"AG10\0": "as CSV",
+    b"File created on 28/11/2026 at 10:00:00\r\n\r\n[header]\r\ntime\r\n": "VBOX Test Suite",
+    b"***BUSMASTER Ver 3.2.2***\n***PROTOCOL CAN***\n": "Log to ASC",
+    b"Kvaser Memorator Log\n            Time, Channel,         ID,   Flags, DLC, D0, D1": "as ASC, BLF or MF4",
+    b"motor,host=a T_wdg=20.1,n=1000 1764324000000000000\n": "as CSV",
+    b"ULog\x01\x12\x35\x01": "ulog2csv",
+    b"ORC\x08": "to_parquet",
+    b"Obj\x01": "log.parquet",
+    bytes(8) + b"DUCK": "log.parquet",
+    b'{"t": [0, 1]}': "read_json",
+    b"<!DOCTYPE html>\n<html>": "as CSV",
+    b"{\\rtf1\\ansi": "as CSV",
+    b"\x89PNG\r\n\x1a\n": "whyhot attach",
+    b"\xff\xd8\xff\xe0\0\x10JFIF": "whyhot attach",
+    b"\0\0\0\x20ftypisom": "whyhot attach",
+    b"<?xml version='1.0'?>\n<svg": "whyhot attach",
+    b"x.csv".ljust(257, b"\0") + b"ustar": "tar xf",
     b"7z\xbc\xaf\x27\x1c": "7z x",
     b"Rar!\x1a": "7z x",
     b"BZh9": "7z x",
@@ -191,7 +212,7 @@ def test_a_file_that_is_known_and_no_log_is_refused_with_the_command_that_export
 ) -> None:
     path = tmp_path / "log.csv"
     path.write_bytes(head + b"\0" * 100)
-    with pytest.raises(UnreadableLogError, match=r"log\.csv: is .+\. (Export|Save|Unpack|Record) .+") as refused:
+    with pytest.raises(UnreadableLogError, match=r"log\.csv: is .+\. (Export|Save|Unpack|Record|Keep) .+") as refused:
         recognise(path)
     assert todo in str(refused.value) and "\n" not in str(refused.value)
 
@@ -206,6 +227,7 @@ def test_each_kind_of_file_that_is_no_log_is_tried() -> None:
         ("a.MFE", "mdf2finalized, with passwords.json"),
         ("a.dxd", "In DewesoftX open it and export it (Analyse, Export) as MDF4 or CSV."),
         ("a.psdata", "In PicoScope save it as CSV"),
+        ("a.gbd", "In GL-Connection convert it to CSV."),
         ("a.xyz", "Export it as one of these."),
     ],
 )
@@ -216,6 +238,14 @@ def test_a_file_that_is_known_by_its_name_alone_is_refused_with_what_its_program
     with pytest.raises(UnreadableLogError) as refused:
         recognise(tmp_path / name)
     assert todo in str(refused.value)
+
+
+def test_a_table_with_the_name_of_a_can_log_is_a_table(tmp_path: Path) -> None:
+    path = tmp_path / "catman.asc"
+    path.write_text(
+        "Zeit\tT_W\tn\ns\t°C\tU/min\n" + "".join(f"{k},0\t20,{k}\t{k}\n" for k in range(9)), encoding="cp1252"
+    )
+    assert recognise(path).name == "csv"
 
 
 def test_a_log_with_the_name_of_a_locked_file_is_what_it_begins_like(tmp_path: Path) -> None:

@@ -804,12 +804,12 @@ def test_a_packed_bomb_is_stopped_at_a_limit(tmp_path: Path, monkeypatch: pytest
     assert log.cut and log.cut.startswith(f"unpacks to more than {limit:,} bytes: ")
 
 
-def test_a_line_without_end_is_stopped_at_a_limit(tmp_path: Path) -> None:
+def test_an_overlong_line_without_end_is_a_cut_row(tmp_path: Path) -> None:
     path = tmp_path / "line.csv"
     path.write_bytes(b"t,T\n0,20\n1,21\n" + b"0" * (6 << 20))
     log, t_ns, _ = read(path)
     assert len(t_ns) == 2
-    assert log.cut == f"holds a line longer than 1,048,576 bytes: 2 rows were read and kept{COPY_AGAIN}"
+    assert log.cut == f"ends inside line 4: 2 rows were read and kept{COPY_AGAIN}"
 
 
 def test_a_table_of_several_blocks_counts_lines_and_records_through(
@@ -841,3 +841,58 @@ def test_a_table_with_a_row_a_check_needs_no_time(tmp_path: Path) -> None:
     assert read(dated, TimeSpec(untimed=True))[0].absolute
     with pytest.raises(UnreadableLogError, match="no column is recognised as its time"):
         read(table(tmp_path, "serial,Zeit,R\nM1,soon,0.05\n", "soon.csv"), TimeSpec(untimed=True))
+
+
+# ---- zeros where a disk lost something ------------------------------------------------------------------------------
+
+LONG_TABLE = "t_s,n_rpm\n" + "".join(f"{k},{1000 + k}\n" for k in range(400))
+
+
+def test_zeros_above_a_table_are_said_and_its_rows_are_read(tmp_path: Path) -> None:
+    log, _, columns = read(table(tmp_path, "\0" * 512 + LONG_TABLE))
+    assert (log.settings["zeros_at_head"], log.found, columns["n_rpm"][-1]) == (512, 400, 1399)
+
+
+def test_a_table_whose_header_is_lost_is_refused(tmp_path: Path) -> None:
+    rows = "".join(f"2026-11-28T10:{k // 60:02d}:{k % 60:02d}Z,{k}\n" for k in range(400))
+    with pytest.raises(UnreadableLogError, match=r"its first 512 bytes are 0: its header is lost\. Copy the file"):
+        read(table(tmp_path, "\0" * 512 + rows[512:]))
+
+
+def test_a_lost_sector_costs_the_rows_in_it(tmp_path: Path) -> None:
+    log, _, columns = read(table(tmp_path, LONG_TABLE[:1024] + "\0" * 512 + LONG_TABLE[1536:]))
+    assert (len(log.rejected), len(columns["n_rpm"]), columns["n_rpm"][-1]) == (1, log.found - 1, 1399)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("time,T\n28-11-2026 14:05:06,20\n28-11-2026 14:05:07,21\n", "day/month/year in UTC"),
+        ("time,T\n11-28-2026 14:05:06,20\n11-28-2026 14:05:07,21\n", "month/day/year in UTC"),
+    ],
+)
+def test_dates_with_dashes_are_told_by_a_day_above_12(tmp_path: Path, text: str, told: str) -> None:
+    log, t_ns, _ = read(table(tmp_path, text))
+    assert (log.settings["time"], t_ns[0]) == (told, 1_795_874_706 * S_NS)
+
+
+@pytest.mark.parametrize("delimiter", [",", ";"])
+def test_a_date_with_dashes_that_may_begin_with_the_year_is_asked_for(tmp_path: Path, delimiter: str) -> None:
+    text = "time,T\n26-11-28 14:05:06.000,20\n26-11-28 14:05:07.000,21\n".replace(",", delimiter)
+    with pytest.raises(UnreadableLogError, match=r'say format = "%d-%m-%y %H:%M:%S.%f" or format = "%y-%m-%d %H'):
+        read(table(tmp_path, text))
+
+
+def test_seconds_since_1904_are_those_of_labview(tmp_path: Path) -> None:
+    log, t_ns, _ = read(table(tmp_path, "Time,T\n3878719506.5,20\n3878719507.5,21\n"))
+    assert (log.settings["time"], t_ns[0]) == ("s since 1904", 1_795_874_706 * S_NS + S_NS // 2)
+
+
+def test_the_time_of_catman_is_known_by_its_name(tmp_path: Path) -> None:
+    log, t_ns, columns = read(table(tmp_path, "Zeit  1 - Standardmessrate\tT_W\ns\t°C\n0,0\t20,5\n0,5\t21,5\n"))
+    assert (log.settings["time"], t_ns, columns["T_W"]) == ("s from the start", [0, S_NS // 2], [20.5, 21.5])
+
+
+def test_numbers_with_units_in_their_cells_are_texts_that_are_named(tmp_path: Path) -> None:
+    log, _, _ = read(table(tmp_path, "time,T,n,note\n0,20.5 °C,1000 rpm,\n1,21.5 °C,1001 rpm,b\n"))
+    assert log.settings["numbers_with_units"] == {"T": "20.5 °C", "n": "1000 rpm"}

@@ -245,7 +245,7 @@ def test_no_verb_reads_a_damaged_ledger_and_each_says_so_in_a_line(
         assert main(words) == 2, words
         said = capsys.readouterr()
         assert len(said.err.splitlines()) == 1, words
-        assert "`whyhot verify` lists all damage" in said.err or "restore" in said.err, words
+        assert "`whyhot verify --store store` lists all damage" in said.err or "restore" in said.err, words
     assert main(["verify"]) == 1
 
 
@@ -309,3 +309,12 @@ def test_workers_find_the_same_damage(bench: Path, capsys: Capture) -> None:
     assert capsys.readouterr().err.endswith(
         "--workers and --scheduler read sealed files and products: give --read too.\n"
     )
+
+
+def test_an_ingest_says_that_files_are_here_which_no_event_names(bench: Path, capsys: Capture) -> None:
+    _change("DELETE FROM stored_events")
+    assert main(["ingest", "2_drive.asc", "--bench", "bench.toml", "--dbc", "bench.dbc"]) == 0
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "holds no event, though 10 sealed files and 2 decoded logs are here: its events were deleted" in line
+    assert main(["ingest", "1_s1.blf", "--bench", "bench.toml", "--dbc", "bench.dbc"]) == 0
+    assert capsys.readouterr().err == ""
