@@ -30,6 +30,7 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks import asked
 from benchmarks.integrator import Physics, frame, initial_of, motor, wltp_like
+from made.law_heats import law_heats, shares
 from made.paper_steps import at_the_start, heats_of, predict, transition
 from replay.engine.results.kernel_cache import load
 from twin.compiled.integrators import SDIRK2
@@ -41,7 +42,6 @@ from twin.filters.unknowns import Unknown, UnknownFactor, UnknownHeat
 from twin.motor.network import Network
 from twin.motor.sensor import Sensor
 from twin.paper.ekf import at_edges, filter_with_rates, sensor_row
-from twin.paper.law_heats import law_heats, shares
 from twin.run.simulate import Frame, simulate
 
 Floats = NDArray[np.float64]

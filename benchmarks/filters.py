@@ -38,6 +38,7 @@ from benchmarks.integrator import frame, initial_of, motor, wltp_like
 from benchmarks.shared import stored
 from ingest.catalogue.channels import load as load_channels
 from ingest.facts import facts
+from made.law_heats import law_heats
 from made.paper_steps import at_the_start, predict, transition
 from plant import Effect, Plant, Recording, drives, sessions, write_campaign
 from plant.drives import Drive
@@ -62,7 +63,6 @@ from twin.filters.unknowns import Unknown, UnknownHeat
 from twin.motor.network import Network
 from twin.motor.sensor import Sensor
 from twin.paper.ekf import at_edges, filter_with_rates, sensor_row
-from twin.paper.law_heats import law_heats
 from twin.run.simulate import Frame, simulate
 
 Floats = NDArray[np.float64]

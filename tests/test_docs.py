@@ -49,6 +49,7 @@ def _help(verb: str) -> str:
 ARCHITECTURE = ROOT / "ARCHITECTURE.md"
 ROOMS = re.compile(r"(<!-- rooms of (\w+):.*? -->\n).*?(<!-- end of rooms -->)", re.DOTALL)
 CELL_WORDS = 40  # a longer cell of ARCHITECTURE.md is a paragraph, and belongs into the docstring of its room
+PAGE_WORDS = 2500  # ten minutes
 
 
 def architecture() -> str:
@@ -74,6 +75,11 @@ def test_no_cell_of_the_architecture_is_a_paragraph() -> None:
     assert len(rows) > 50
     for cell in (cell for row in rows for cell in row.split("|")):
         assert len(cell.split()) <= CELL_WORDS, cell
+
+
+def test_the_architecture_is_read_in_ten_minutes() -> None:
+    words = [word for word in ARCHITECTURE.read_text(encoding="utf-8").split() if re.search(r"\w", word)]
+    assert 1000 < len(words) <= PAGE_WORDS
 
 
 def test_the_reference_of_verbs_is_what_the_program_says() -> None:

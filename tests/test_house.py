@@ -150,7 +150,7 @@ def test_keys_see_every_import() -> None:
 # Not imported by any verb, and why it is there. What a replay or a diagnosis depends on must not grow by these.
 FOR_OTHERS = {
     "ingest.formats": "found by a log's name",
-    "twin.paper": "the reference that our filter and circuits are measured against: docs/filters.md",
+    "twin.paper": "the reference that our filter is measured against: docs/filters.md",
     "twin.filters.ukf": "for Python: docs/filters.md",
     "analytics.insulation.life.destructive": "for Python: docs/life.md",
     "analytics.reference": "writes docs/sql.md",

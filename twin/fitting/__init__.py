@@ -1,4 +1,4 @@
-"""Recorded tests and everything that may differ as one vector: what it does to a run and its readings, and its fit.
+"""Everything that may differ as one vector: what it does to recorded tests, and its fit.
 
 `recorded` is a test as it was measured, `model` a motor with its tests and all that may differ, `fit` the most
 probable vector. The vector is 0 where motor file and sensors are right; each of its numbers does one of `actions`. To

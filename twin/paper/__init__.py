@@ -1,5 +1,4 @@
-"""The paper's own form of network and filter: the reference that ours are measured against. No verb needs it.
+"""The paper's own form of the filter: the reference that ours are measured against. No verb needs it.
 
-`form` is the network as the paper writes it (Eq. 1-4), `law_heats` its laws, `ekf` over `ekf_step` its filter (Eq.
-5-13).
+`ekf` over `ekf_step` is the paper's filter (Eq. 5-13). The network as the paper writes it (Eq. 1-4) is the tests' own.
 """

@@ -1,8 +1,8 @@
 """Extended Kalman filter in the paper's form (its Eq. 5-13): x = [z, zdot, rho], inputs u = [v, vdot].
 
-z are the independent coordinates of `twin.paper.form`, z = B0 q: the temperatures of the p capacitors; rho the o
-unknowns: heats, logarithms of factors, errors of channels. Rates are states beside temperatures, so that a step is a
-Taylor series, whatever the network,
+z are the independent coordinates of the network as the paper writes it, z = B0 q: the temperatures of the p
+capacitors; rho the o unknowns: heats, logarithms of factors, errors of channels. Rates are states beside temperatures,
+so that a step is a Taylor series, whatever the network,
 
     z <- z + h zdot + h w / 2,   zdot <- zdot + w,   rho <- rho + noise,
 

@@ -1,1 +1,1 @@
-"""What a specimen went through: hours at one temperature by what they are worth at another, and thermal cycles."""
+"""What a specimen went through: hours worth so many at another temperature, and thermal cycles."""

@@ -1,4 +1,4 @@
-"""What one replay gives: open loop, residuals, heat, hot spots, filter and smoother; and the files that it leaves.
+"""What one replay gives: open loop, residuals, heat, hot spots, filter, smoother, and its files.
 
 `open_loop` runs the motor by its inputs alone, with kernels from the `kernel_cache`, and `run` is what comes of it;
 `compared` puts each sensor and meter beside it, `residuals` says how wrong that is and where, `heat_account` where the

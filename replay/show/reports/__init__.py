@@ -1,4 +1,4 @@
-"""Whole documents: the reports of replays, diagnoses, protocols, mornings and ageing, and pages over a whole store.
+"""Whole documents: reports of replays, diagnoses, protocols, mornings and ageing; pages over a store.
 
 `report`, `diagnosis_report`, `protocol_report`, `morning_report`, `repeat_report` and `ageing_report` are HTML files
 that need no other; `documents` finds what they and the viewer's layers are made of in a store. `verdict` words a

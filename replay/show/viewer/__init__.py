@@ -1,4 +1,4 @@
-"""Sessions in the rerun viewer: their layers, the layout that all of them carry, and the program that shows them.
+"""Sessions in the rerun viewer: layers, layout, and the program that shows them.
 
 `seen` is what is shown of a session, `blueprint` where, `layers` writes it; `network_layer` and `cut` are the motor
 coloured by its temperatures; `aligned` lays sessions over one another; `program` opens the viewer.

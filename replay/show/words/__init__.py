@@ -1,4 +1,4 @@
-"""Numbers, places and findings in plain words, colours and one empty figure or page: what every view is made of.
+"""Numbers, places and findings in plain words, colours, one empty figure or page.
 
 `words` says numbers and places, `findings`, `heat_words` and `filter_words` what runs found, `terminal` a whole
 replay. `palette` has the colours, `figure` and `page` an empty figure and page, `layout` the places of nodes in a

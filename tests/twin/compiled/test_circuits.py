@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from made.laws import GLYCOL, OIL, law_frame, tight_laws, with_laws
+from made.paper_form import simulate_with_flows
 from twin.compiled.heat import heat, heat_capacity
 from twin.compiled.integrators import BDF2
 from twin.compiled.kernel import compile_indexed, compile_network
@@ -21,7 +22,6 @@ from twin.filters.unknowns import UnknownHeat
 from twin.motor import features
 from twin.motor.heat_laws import LINKS, NUMBER
 from twin.motor.network import Boundary, FluidCircuit, Link, Network, Node, Source, Term
-from twin.paper.form import simulate_with_flows
 from twin.run.initial import conductances, steady_interpolation, time_constants
 from twin.run.simulate import Frame, simulate
 from twin.run.sparse_march import run

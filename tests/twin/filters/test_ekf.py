@@ -13,6 +13,7 @@ from filterpy.kalman import KalmanFilter
 
 from benchmarks.integrator import frame, motor, s2
 from made.laws import law_frame, with_laws
+from made.paper_form import constraints
 from replay.engine.results.kernel_cache import load
 from twin.compiled.kernel import Compiled, compile_indexed
 from twin.errors import CauseError, FrameError
@@ -26,7 +27,6 @@ from twin.motor.network import Network, Term
 from twin.motor.outputs import lagged
 from twin.motor.sensor import Sensor
 from twin.paper.ekf import filter_with_rates
-from twin.paper.form import constraints
 from twin.run.simulate import Frame, simulate, source_heat
 
 Floats = np.ndarray[Any, Any]

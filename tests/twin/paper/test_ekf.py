@@ -10,6 +10,7 @@ import pytest
 from filterpy.kalman import ExtendedKalmanFilter, KalmanFilter
 
 from benchmarks.integrator import frame, motor, s2, wltp_like
+from made.law_heats import law_heats, psi_at, shares
 from made.paper_steps import at_the_start, heats_of, predict, transition
 from replay.engine.results.kernel_cache import load
 from twin.compiled.kernel import compile_indexed
@@ -20,7 +21,6 @@ from twin.motor.network import Network
 from twin.motor.outputs import lagged
 from twin.motor.sensor import Sensor
 from twin.paper.ekf import at_edges, filter_with_rates, sensor_row
-from twin.paper.law_heats import law_heats, psi_at, shares
 from twin.run.simulate import Frame, simulate
 
 Floats = np.ndarray[Any, Any]

@@ -98,7 +98,7 @@ def test_a_replay_is_known_until_code_changes_that_computes_it(
         return one["run"], one["digest"]
 
     first = run()
-    touch("twin/paper/form.py")
+    touch("twin/paper/ekf.py")
     touch("replay/studies/diagnosis/search.py")
     assert run() == first
     touch("twin/compiled/codegen.py")
@@ -126,7 +126,7 @@ def test_a_diagnosis_is_read_back_until_code_changes_that_computes_it(
             return diagnose(store, facts, [facts.session("1_drive")], [], None, "testing").known
 
         assert asked()
-        touch("twin/paper/form.py")
+        touch("twin/paper/ekf.py")
         touch("replay/studies/ageing/lives.py")
         assert asked()
         touch("twin/compiled/codegen.py")

@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
+from made.law_heats import LawHeats, law_heats, psi_at
 from twin.errors import DivergedError
 from twin.motor.check import check
 from twin.motor.network import NOBODY, Network
-from twin.paper.law_heats import LawHeats, law_heats, psi_at
 from twin.run.simulate import Frame, check_finite, check_frame
 
 Floats = NDArray[np.float64]

@@ -12,11 +12,11 @@ from scipy.integrate import solve_ivp
 
 from benchmarks.integrator import frame, motor, s2
 from made.laws import law_frame, with_laws
+from made.paper_form import Constraints, constraints, simulate_with_flows
 from replay.engine.results.kernel_cache import load
 from twin.compiled.kernel import compile_indexed
 from twin.errors import DivergedError, FrameError
 from twin.motor.network import Link, Network, TemperatureFactor, Term
-from twin.paper.form import Constraints, constraints, simulate_with_flows
 from twin.run.initial import conductances
 from twin.run.simulate import Frame, simulate, source_heat
 
