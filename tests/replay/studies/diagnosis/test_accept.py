@@ -360,7 +360,7 @@ def test_an_unknown_or_ambiguous_diagnosis_is_refused_with_what_there_is(
     store_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert accept(store_folder, capsys, "d-1", code=2)["error"] == (
-        'diagnosis "d-1" is not in this store: it holds none yet: `whyhot diagnose --on S...`'
+        f'diagnosis "d-1" is not in this store: it holds none yet: `whyhot diagnose --store {store_folder} --on S...`'
     )
     for number in ("4f0c000000000001", "4f0d000000000002"):
         diagnosed(store_folder, number, CAUSES)
@@ -387,7 +387,9 @@ def test_what_accepting_changes_is_shown_and_the_current_files_come_out_by_their
     assert main(["accept", "d-4f0c", "--store", str(store_folder)]) == 0
     said = capsys.readouterr().out.splitlines()
     at = said.index(f"Changes of model {str(made['model'])[:8]}")
-    assert said[at + 1 : at + 3] == ["  + # extended by 4f0cbeef00000001", ""]
+    where, *lines = said[at + 1 : at + 4]
+    assert where == '    [[source]] node = "magnet"', "behind what the lines stand"
+    assert lines == ["  + # extended by 4f0cbeef00000001", ""]
     assert '  + cause = "sensor.magnet.bias"' in said[said.index(f"Changes of bench file {str(made['bench'])[:8]}") :]
     assert out("motor", "export", "servo-5kW") == motor + b"# extended by 4f0cbeef00000001\n"
     assert out("motor", "export", str(made["parent"])[:12]) == motor
