@@ -12,13 +12,13 @@ from twin.diagnosis.crudeness import USUAL, crudeness, listed
 from twin.differences.everyday import everyday
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import Fit
-from twin.fitting.model import Model
+from twin.fitting.model import Floats, Model
 
 INITIAL = np.array([45.0, 42.0, 41.0, 35.0])
 HALF = 0.5  # of each number's prior variance is taken by the data
 
 
-def _fitted(stated: tuple[Parameter, ...], moved: np.ndarray, wider: float = 1.0) -> Fit:
+def _fitted(stated: tuple[Parameter, ...], moved: Floats, wider: float = 1.0) -> Fit:
     """A fit whose numbers went `moved` of their stated sd, where their widths have been learnt as `wider` times it."""
     test = recorded(every_law(), pulses(60.0), INITIAL)
     model = Model(every_law(), [test], [replace(one, sd=wider * one.sd) for one in stated])
