@@ -34,6 +34,7 @@ from benchmarks.trial.rates import (
     by_entry_table,
     by_what_hides,
     by_what_hides_table,
+    crudeness_table,
     gains,
     gains_table,
     lost_causes,
@@ -353,3 +354,11 @@ def test_results_are_read_as_they_were_written(tmp_path: Path) -> None:
     for result in (SILENT, healthy, grouped):
         written(path, result)
     assert read_results(path) == [SILENT, healthy, grouped]
+
+
+def test_the_crudest_file_stands_last_with_the_best_candidate_and_what_is_named() -> None:
+    good = replace(_named(HIDDEN), crudeness=0.5, leading={HIDDEN: 20.0, "loss.magnet.scale": 3.0})
+    crude = replace(SILENT, crudeness=2.0, leading={"capacity.rotor.attached": 61.0})
+    _, first, last = crudeness_table([crude, replace(SILENT, failed="ValueError"), good])
+    assert first.split()[-4:] == ["1", "0.50", "20.0", HIDDEN]
+    assert last.split()[-4:] == ["1", "2.00", "61.0", "-"]

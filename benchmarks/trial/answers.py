@@ -18,6 +18,7 @@ from benchmarks.trial.lost import lost_at
 from benchmarks.trial.visibility import VISIBLE, Seen
 from replay.studies.diagnosis.question import Campaign
 from replay.studies.diagnosis.search import find
+from twin.diagnosis.crudeness import crudeness
 from twin.diagnosis.evidence import TOLD_APART
 from twin.diagnosis.naming import Naming
 from twin.diagnosis.rounds import Refit
@@ -39,8 +40,8 @@ class Result:
     sessions spoke against; `is_unknown`: a heat of any course won; `beside`: one is told beside what is named;
     `unknown`: ln BF of the best free heat; `linear`: of the best candidate before any refit; `leading`: after the first
     refits; `lost`: cause -> the step that lost it; `sensors`, `nodes`: errors at the kept sensors and where none sits;
-    `audit` of a healthy motor. Of many effects at once the ln evidence that the model gains by all of them (`truth`)
-    and by what is named (`gained`)."""
+    `audit` of a healthy motor; `crudeness` of its file (`twin.diagnosis.crudeness`). Of many effects at once the ln
+    evidence that the model gains by all of them (`truth`) and by what is named (`gained`)."""
 
     case: Case
     hidden: tuple[Seen, ...] = ()
@@ -58,6 +59,7 @@ class Result:
     sensors: Errors = field(default_factory=dict)
     nodes: Errors = field(default_factory=dict)
     audit: Mapping[str, Spread] = field(default_factory=dict)
+    crudeness: float = 0.0
     truth: float | None = None
     gained: float | None = None
     improved: bool = False
@@ -144,6 +146,7 @@ def tried(case: Case, campaign: Campaign, behind: Behind, hidden: tuple[Seen, ..
         sensors=at_sensors(found),
         nodes=inside(found, campaign.network, kept, behind.nodes),
         audit={} if hidden else spreads(naming.rounds[0].base),
+        crudeness=crudeness(naming.rounds[0].base, model.parameters),
         improved=found.kept is not None and found.kept.improved,
         seconds=seconds,
     )
@@ -157,7 +160,7 @@ def tried(case: Case, campaign: Campaign, behind: Behind, hidden: tuple[Seen, ..
 
 def _class_of(naming: Naming, refit: Refit) -> ToldApart:
     """A named term and what the data cannot tell from it, by the round in which it entered."""
-    return told_apart(naming.entered(refit.candidate), refit.candidate, naming.log_bf_instead)
+    return told_apart(naming.entered(refit.candidate), refit.candidate, naming.log_bf_instead, naming.listed)
 
 
 # --- Kept results -----------------------------------------------------------------------------------------------------

@@ -332,6 +332,16 @@ def lost_table(results: Sequence[Result]) -> list[str]:
     return lines
 
 
+def crudeness_table(results: Sequence[Result]) -> list[str]:
+    """A line a motor, the crudest file last: the largest ln BF of a refitted candidate, and what is named."""
+    lines = [f"{'how crude the file is':<28}{'hidden':>8}{'crudeness':>11}{'best ln BF':>12}  named"]
+    for r in sorted((r for r in results if not r.failed), key=lambda r: r.crudeness):
+        best = max(r.leading.values(), default=0.0)
+        told = ", ".join(r.told) or "-"
+        lines.append(f"{r.case.seed} {motor_of(r):<22}{len(r.hidden):>8}{r.crudeness:>11.2f}{best:>12.1f}  {told}")
+    return lines
+
+
 def audits(results: Sequence[Result]) -> dict[str, dict[str, Spread]]:
     """Form -> family -> the spread of everyday parameters over its healthy motors, then over all forms."""
     healthy = [r for r in results if r.audit]

@@ -27,6 +27,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from twin.diagnosis.crudeness import crudeness, listed
 from twin.diagnosis.evidence import TOLD_APART
 from twin.diagnosis.free_heats import as_parameters, free_heats
 from twin.diagnosis.patchwork import Survivor, around, is_patchwork, nodes_of
@@ -45,6 +46,7 @@ from twin.diagnosis.rounds import (
 )
 from twin.diagnosis.unknown import FreeHeat
 from twin.differences.candidates import Candidate
+from twin.differences.everyday import everyday
 from twin.errors import DivergedError
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
@@ -87,6 +89,18 @@ class Naming:
     def needed(self) -> float:
         """The ln BF that a term must exceed, if nobody says another."""
         return EVIDENT if self.judged else THRESHOLD
+
+    @property
+    def crudeness(self) -> float:
+        """How crude the file is, less what the terms relieve its numbers of (`twin.diagnosis.crudeness`)."""
+        model = self.final.model
+        return crudeness(self.final, everyday(model.network, model.tests))
+
+    @property
+    def listed(self) -> float:
+        """How probable it is that what stands out is one of the candidates, and not the form of a crude file. Where
+        that form shows in what is left, the noise has it already."""
+        return 1.0 if self.wrong_in_form else listed(self.crudeness)
 
     @property
     def searched(self) -> tuple[Round, ...]:

@@ -37,8 +37,9 @@ class ToldApart:
     others: tuple[Member, ...]
 
 
-def told_apart(found: Round, leader: Candidate, log_bf_unknown: float) -> ToldApart:
-    """The class that a round's candidate leads; `log_bf_unknown`: ln BF of the best free heat at the same fit."""
+def told_apart(found: Round, leader: Candidate, log_bf_unknown: float, listed: float = 1.0) -> ToldApart:
+    """The class that a round's candidate leads; `log_bf_unknown`: ln BF of the best free heat at the same fit;
+    `listed`: how probable it is that what stands out is a candidate or a heat at all, and not the form of the file."""
     at = found.candidates.index(leader)
     if found.left_out is None:
         log_bf, amplitude, refitted = _refitted(found)
@@ -48,7 +49,7 @@ def told_apart(found: Round, leader: Candidate, log_bf_unknown: float) -> ToldAp
         members, log_bf = _as_near(found, at)
     found_posterior = posterior(log_bf, prior_masses([c.cause for c in found.candidates]), log_bf_unknown)
     one = {i: Member(found.candidates[i], float(log_bf[i]), found_posterior.of_member(i, members)) for i in members}
-    return ToldApart(found_posterior.of_class(members), one[at], tuple(one[i] for i in members if i != at))
+    return ToldApart(listed * found_posterior.of_class(members), one[at], tuple(one[i] for i in members if i != at))
 
 
 def _refitted(found: Round) -> tuple[Floats, Floats, NDArray[np.bool_]]:

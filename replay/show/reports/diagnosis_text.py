@@ -22,6 +22,7 @@ def diagnosis_text(diagnosis: Diagnosis, planned: Sequence[str] = ()) -> str:
     lines += _paragraphs("Beyond usual", list(beyond_usual.told(diagnosis)))
     lines += _paragraphs("Contradiction", doubts.contradictions(diagnosis))
     lines += _paragraphs("Not judged", list(filter(None, [doubts.not_judged(diagnosis)])))
+    lines += _paragraphs("Crude file", list(filter(None, [doubts.crude(diagnosis)])))
     for label, paragraphs in _ending(diagnosis):
         lines += _paragraphs(label, paragraphs)
     lines += _paragraphs("Step by step", list(steps.told(diagnosis)))

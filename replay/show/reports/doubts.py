@@ -1,5 +1,5 @@
-"""What the sessions themselves leave in doubt, in words: those that contradict each other, and what so few of them
-cannot say."""
+"""What file and sessions themselves leave in doubt, in words: a file that is crude, sessions that contradict each
+other, and what so few of them cannot say."""
 
 from __future__ import annotations
 
@@ -28,6 +28,17 @@ def _contradiction(diagnosis: Diagnosis, one: Contradicting) -> str:
         f"{first} and {second} ran alike {place}, but {one.channel} ({words.name(one.node)}) reads {differ} in the "
         f"first, where {words.kelvin(one.sd_K)} (sd) is usual: one recording is wrong, or the motor changed between "
         "them."
+    )
+
+
+def crude(diagnosis: Diagnosis) -> str:
+    """What a name of a crude file is worth, as one sentence; "" of a good one, and where nothing is named."""
+    if diagnosis.crudeness is None:
+        return ""
+    return (
+        f"The file is crude: its numbers had to move {diagnosis.crudeness:.1f} times as far as usual, also with what "
+        "is named, as they do where a file of few parts lacks some; that may be what is named, so its probability is "
+        "small."
     )
 
 

@@ -359,6 +359,7 @@ class Diagnosis:
     laws: list[LawCourse] = field(default_factory=list)  # of named heats and heat paths
     foreseen: ForeseenTest | None = None  # where there is a next test
     judged_by: str = "evidence"  # or "sessions left out", or "few sessions", which let in one term alone
+    crudeness: float | None = None  # times as far as usual that numbers moved, where a name says so little
 
     @property
     def offers(self) -> bool:

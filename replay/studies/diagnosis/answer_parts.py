@@ -83,7 +83,7 @@ def named(naming: Naming, refit: Refit, train: Sequence[SessionRecorded], kept: 
     found = size(final, place, refit.candidate.unit)
     effect_K, node, test, t_s = _largest_effect(final, place)
     first = naming.entered(refit.candidate)
-    apart = told_apart(first, refit.candidate, naming.log_bf_instead)
+    apart = told_apart(first, refit.candidate, naming.log_bf_instead, naming.listed)
     let_in = [one.candidate for one in naming.accepted]
     others = [member.candidate for member in apart.others if member.candidate not in let_in]
     improved = kept is not None and kept.improved and refit.candidate.sayable

@@ -154,6 +154,7 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
         laws=laws(campaign, found, causes),
         foreseen=foreseen_test(campaign, found, next_test, apart),
         judged_by=judged_by(naming),
+        crudeness=naming.crudeness if naming.accepted and naming.listed < 1.0 else None,
     )
 
 

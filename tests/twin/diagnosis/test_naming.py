@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from made.motor import AMBIENT_DEGC, CHANNELS, COOLANT_DEGC, SINGLE, every_law, pulses, recorded, slow
 from twin.diagnosis import naming, rounds
+from twin.diagnosis.crudeness import USUAL
 from twin.diagnosis.evidence import TOLD_APART
 from twin.diagnosis.naming import Naming, search
 from twin.diagnosis.patchwork import around, nodes_of
@@ -123,6 +125,26 @@ def test_the_first_round_ranks_it_first(hidden: list[Naming]) -> None:
 def test_a_loss_that_is_there_already_is_not_named_again(hidden: list[Naming]) -> None:
     for found in hidden:
         assert HIDDEN not in [str(c.cause) for c in found.rounds[-1].candidates]
+
+
+def _all_off(by: float) -> Network:
+    """No cause, and a file that is wrong in every coefficient: by a factor, up and down in turn."""
+    network, turns = every_law(), itertools.cycle((by, 1 / by))
+
+    def off(terms: Sequence[Term]) -> tuple[Term, ...]:
+        return tuple(replace(term, coefficient=term.coefficient * next(turns)) for term in terms)
+
+    links = tuple(replace(link, terms=off(link.terms)) for link in network.links)
+    return replace(network, links=links, sources=tuple(replace(s, terms=off(s.terms)) for s in network.sources))
+
+
+def test_a_name_of_a_crude_file_says_little_and_of_a_good_one_all(hidden: list[Naming]) -> None:
+    crude = search(_model(_all_off(3.0), 0), CANDIDATES)
+    assert [str(one.candidate.cause) for one in crude.accepted] == ["loss.winding.scale"], "there is no cause"
+    assert crude.crudeness > 1.5 * USUAL and crude.listed < 0.2
+    assert replace(crude, wrong_in_form=True).listed == 1.0, "the noise has it already"
+    for found in hidden:
+        assert found.crudeness < USUAL and found.listed == 1.0, "the cause relieves the file's numbers"
 
 
 def test_a_threshold_above_what_the_data_say_names_nothing() -> None:

@@ -107,6 +107,7 @@ def test_probabilities_are_those_of_the_posterior_with_the_unknown_in_it() -> No
     expected = posterior(found.scores.log_bayes_factor, prior_masses([c.cause for c in found.candidates]), 6.0)
     assert answer.probability == pytest.approx(float(expected.candidates[:2].sum()))
     assert answer.probability < told_apart(found, found.candidates[0], -5.0).probability
+    assert told_apart(found, found.candidates[0], 6.0, 0.25).probability == pytest.approx(0.25 * answer.probability)
 
 
 # --- The next test, on a motor that only ran at one speed ------------------------------------------------------------

@@ -546,6 +546,12 @@ def test_where_kept_errors_stop_falling_is_said() -> None:
     )
 
 
+def test_a_crude_file_is_told_with_the_evidence_that_it_asks_for() -> None:
+    told = flat(diagnosis_text(replace(SEVERAL, crudeness=2.13)))
+    assert "The file is crude: its numbers had to move 2.1 times as far as usual, also with what is named" in told
+    assert "crude" not in flat(diagnosis_text(SEVERAL))
+
+
 @pytest.mark.parametrize("judge", ["sessions left out", "few sessions"])
 def test_what_let_terms_in_is_said_where_it_was_not_evidence_alone(judge: str) -> None:
     told = flat(diagnosis_text(replace(SEVERAL, causes=[EDDY], chain=SEVERAL.chain[:3], judged_by=judge)))
