@@ -87,7 +87,7 @@ def main() -> None:
         tempfile.TemporaryDirectory() as name,
         Store.open(Path(name) / "store", create=True, write=True) as store,
     ):
-        motor = motor_of(args.data, Path(name), args.seven, args.quick)
+        motor = motor_of(args.data, Path(name), args.quick, args.seven)
         take_in(store, motor.logs, prepare(motor.logs, motor.bench, [], for_intake), Override())
         bench = Bench(store, [session_of(log) for log in motor.logs], not args.no_diagnosis)
         for one in bench.recordings[: args.left_out or (1 if args.quick else None)]:

@@ -26,9 +26,9 @@ class Motor:
     law: str | None
 
 
-def motor_of(folder: Path, room: Path, seven: bool, quick: bool) -> Motor:
-    """The motor whose recordings lie in a folder; what has to be written for it lies in `room`. `seven`: by the file of
-    its seven nodes; `quick`: three of its sessions, short ones."""
+def motor_of(folder: Path, room: Path, quick: bool, seven: bool = False) -> Motor:
+    """The motor whose recordings lie in a folder; what has to be written for it lies in `room`. `quick`: three of its
+    sessions, short ones; `seven`: by the file of its seven nodes."""
     profiles = sorted(folder.glob("profile_*.csv"))
     if profiles:
         logs = [part for profile in profiles for part in parts(profile, room)]
