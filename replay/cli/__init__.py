@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import gc
+import logging
 import os
 import sys
 from collections.abc import Sequence
@@ -75,6 +76,7 @@ SELDOM = (2_000, 100, 1_000)
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point of the `whyhot` command; returns the exit code."""
     gc.set_threshold(*SELDOM)
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it says at length where it cannot keep its list of fonts
     fit_output()
     try:
         with stopping():

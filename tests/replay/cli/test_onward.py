@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from ingest.facts.store import Store
 from made import can_bench
 from made.onward import followed
 from replay.cli import main
@@ -87,17 +86,11 @@ def test_commands_too_long_for_one_line_have_one_each() -> None:
             "no backup: `whyhot restore BACKUP --store NEW` makes one",
             "no backup: `whyhot restore BACKUP --store NEW` makes one",
         ),
+        ("`whyhot motor check motor.toml` says more", "`whyhot motor check motor.toml` says more"),
         ("whyhot replay needs the package numba", "whyhot replay needs the package numba"),
     ],
 )
-def test_commands_of_a_refusal_name_the_store(line: str, said: str | None) -> None:
+def test_what_mends_a_store_names_it_in_a_refusal(line: str, said: str | None) -> None:
     both = "a: is missing; next: whyhot rebuild --store x; `whyhot verify --store x` says of all"
     assert on_store(line, Path("x")) == (said or both)
     assert on_store(line, DEFAULT_STORE) == line
-
-
-def test_a_note_names_the_store_that_was_asked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with Store.open(tmp_path / "s", create=True):
-        pass
-    assert main(["show", "1_s1", "--store", str(tmp_path / "s")]) == 2
-    assert f"`whyhot ingest --store {tmp_path / 's'}" in capsys.readouterr().err

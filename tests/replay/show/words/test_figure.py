@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from itertools import pairwise
 
 import pytest
 
+from made.places import ROOT
 from replay.show.words.figure import LINE, fitting, kept_apart, panels
 
 
@@ -24,3 +28,11 @@ def test_a_name_loses_its_middle_where_its_letters_take_more_room_than_there_is(
     assert fitting("endwinding a outer") == "endwinding a outer"
     assert fitting("W" * 200) == "WWWW…WWWWW" and fitting("\u6e29" * 200) == "\u6e29" * 4 + "…" + "\u6e29" * 5
     assert fitting("TC\x1b[2J") == "TC\\u001b[2J", "what is written out counts as it is written"
+
+
+def test_a_disk_that_keeps_no_list_of_fonts_is_no_matter() -> None:
+    """A folder that cannot be made, on a machine where nothing was drawn before."""
+    script = "from replay.cli import main; main([]); import replay.show.plots.plots"
+    nowhere = {**os.environ, "MPLCONFIGDIR": "/proc/none", "PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, "-c", script], env=nowhere, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
