@@ -107,7 +107,8 @@ def _audited(store: Store, since: Head | None) -> LedgerHistory:
         seen = audit(store.ledger, since)
         if seen.position or seen.findings:
             return seen
-        return LedgerHistory(findings=[Flaw(says)]) if (says := without_events(store)) else seen
+        forgotten = without_events(store)
+        return LedgerHistory(findings=[Flaw(forgotten)]) if forgotten else seen
     return LedgerHistory(findings=[Flaw(f"{place.where}: {says}")])
 
 
