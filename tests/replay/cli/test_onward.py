@@ -8,7 +8,6 @@ import pytest
 
 from made import can_bench
 from made.onward import followed
-from replay.cli import main
 from replay.show.words.onward import BETWEEN, DEFAULT_STORE, on_store, onward
 from replay.show.words.terminal import labelled
 
