@@ -57,5 +57,5 @@ def psi_at(places: Index, numbers: Floats, copper: Floats, at: Floats, found: Fl
     b, 1) [degC]."""
     one = np.empty((4, 1))
     for w in range(len(places)):
-        psi_of(places[w], numbers[w], copper, at, 0, one)
+        psi_of(places[w], numbers[w], copper, at, one)
         found[w] = one[:, 0]

@@ -82,30 +82,29 @@ def psi(table: Table, temperatures: Floats, boundaries: Floats) -> tuple[Floats,
     """psi (L, N) of laws at temperatures (N, n) [degC] with boundaries (N, b) [degC], and its slope (L, N) with the
     temperature at b."""
     found = np.empty((2, len(table.places), len(temperatures)))
-    _psi(table.places, table.numbers, table.copper, every_place(temperatures, boundaries), 0, found)
+    _psi(table.places, table.numbers, table.copper, every_place(temperatures, boundaries), found)
     return found[0], found[1]
 
 
 def every_place(temperatures: Floats, boundaries: Floats) -> Floats:
     """(n + b, N) [degC]: a row a node, then a row a boundary, so that a place's temperatures lie side by side."""
-    found: Floats = np.concatenate([temperatures.T, boundaries.T])
-    return found
+    return np.ascontiguousarray(np.concatenate([temperatures.T, boundaries.T]))
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def _psi(places: Integers, numbers: Floats, copper: Floats, at: Floats, first: int, found: Floats) -> None:
+def _psi(places: Integers, numbers: Floats, copper: Floats, at: Floats, found: Floats) -> None:
     one = np.empty((4, at.shape[1]))
     for w in range(len(places)):
-        psi_of(places[w], numbers[w], copper, at, first, one)
+        psi_of(places[w], numbers[w], copper, at, one)
         own = 1.0 if places[w, 3] == places[w, 1] else 0.0  # where the temperature factor is of b too
         for k in range(at.shape[1]):
             found[0, w, k], found[1, w, k] = one[0, k], one[2, k] + own * one[3, k]
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def psi_of(place: Integers, number: Floats, copper: Floats, at: Floats, first: int, found: Floats) -> None:
-    """psi of one law and its slopes with T_a, T_b and T_m, into `found` (4, K), in K steps from `first` on; `at` as
-    `every_place` gives it, `place` and `number` a row of a `Table`."""
+def psi_of(place: Integers, number: Floats, copper: Floats, at: Floats, found: Floats) -> None:
+    """psi of one law and its slopes with T_a, T_b and T_m, into `found` (4, K), in K steps; `at` as `every_place`
+    gives it, `place` and `number` a row of a `Table`."""
     a, b, law, other, knots = place[0], place[1], place[2], place[3], place[5]
     end, third = b if b != NOBODY else a, other if other != NOBODY else a
-    heats(law, at, a, end, third, first, copper[0], copper[1], number[0], number[1], number[2:], knots, found)
+    heats(law, at, a, end, third, 0, copper[0], copper[1], number[0], number[1], number[2:], knots, found)

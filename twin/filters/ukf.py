@@ -17,6 +17,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.arithmetic.lane_code import pointer
 from twin.filters.ekf import Estimate, FilterCourse, filtered_by
 from twin.filters.inputs import AnyReading, FilterStart, Given, inputs_of
 from twin.filters.plan import Plan, entry_at, x_at
@@ -28,6 +29,8 @@ from twin.run.simulate import Frame
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
+
+u = np.uint64  # numba then asks of no index whether it counts from the end
 
 ALPHA, BETA, KAPPA = 0.5, 2.0, 0.0  # points at half of sqrt(size) standard deviations: about 2.5 for 25 numbers
 
@@ -41,18 +44,26 @@ def filter_unscented(
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def _through(plan: Plan, taken: ReadingsPlan, m: Floats, at: Index, given: Given, found: FilterCourse) -> float:
+def _through(
+    plan: Plan, taken: ReadingsPlan, numbers: Floats, indices: Index, given: Given, found: FilterCourse
+) -> float:
     """The filter over N steps; takes, fills and returns what `twin.filters.ekf.through` does."""
     features, boundaries, readings, places, variances = given
     states, spreads, innovations = found
-    likelihood, size = 0.0, plan.size
+    likelihood, size, length = 0.0, plan.size, plan.length
+    m, at, channels = pointer(numbers, 0), pointer(indices, 0), readings.shape[1]
+    covariance = numbers[plan.state : plan.state + size * length].reshape((size, length))
     root, points = np.empty((size, size)), np.empty((2, 2 * size + 1, size))
     for k in range(len(boundaries) + 1):
         if k > 0:
-            _carry(plan, m, at, features[k - 1], boundaries[k - 1], root, points[0], points[1])
-            place, variance = places[row_of(places, k - 1)], variances[row_of(variances, k - 1)]
-            count = observe(plan, taken, m, at, boundaries[k - 1], readings[k - 1], place, variance)
-            likelihood += correct(plan, taken, m, at, count, innovations[k - 1])
+            phi = pointer(features, (k - 1) * features.shape[1])
+            outside, read = pointer(boundaries, (k - 1) * boundaries.shape[1]), (k - 1) * channels
+            _root(covariance, root)
+            _carry(plan, m, at, phi, outside, root, points[0], points[1])
+            values, place = pointer(readings, read), pointer(places, row_of(places, k - 1) * channels)
+            variance = pointer(variances, row_of(variances, k - 1) * channels)
+            count = observe(plan, taken, m, at, outside, values, place, variance)
+            likelihood += correct(plan, taken, m, at, count, pointer(innovations, 2 * read))
         for i in range(states.shape[1]):
             states[k, i], spreads[k, i] = m[x_at(plan, plan.state, i)], m[entry_at(plan, plan.state, i, i)]
     return likelihood
@@ -62,12 +73,11 @@ def _through(plan: Plan, taken: ReadingsPlan, m: Floats, at: Index, given: Given
 def _carry(
     plan: Plan, m: Floats, at: Index, phi: Floats, outside: Floats, root: Floats, before: Floats, after: Floats
 ) -> None:
-    """One step as by `twin.filters.step.carry`, through sigma points. Filled: those `before` the step and `after` it
-    (2 S + 1, S), and the Cholesky factor `root` (S, S) of the covariance."""
-    size, length, state, turned, ahead = plan.size, plan.length, plan.state, plan.turned, plan.ahead
+    """One step as by `twin.filters.step.carry`, through sigma points by the Cholesky factor `root` (S, S) of the
+    covariance. Filled: those `before` the step and `after` it (2 S + 1, S)."""
+    size, state, turned, ahead = plan.size, plan.state, plan.turned, plan.ahead
     scale = ALPHA * ALPHA * (size + KAPPA)
     spread, weight = np.sqrt(scale), 0.5 / scale
-    _root(m[state : state + size * length].reshape((size, length)), root)
     for p in range(2 * size + 1):
         column, sign = (p - 1) // 2, 0.0 if p == 0 else 1.0 if p % 2 else -1.0
         for i in range(size):
@@ -107,7 +117,7 @@ def _gather(plan: Plan, m: Floats, before: Floats, after: Floats, weight: float,
                 m[entry_at(plan, plan.ahead, i, c)] += mine * after[p, c]
                 m[entry_at(plan, plan.turned, i, c)] += earlier * after[p, c]
     for i in range(size):
-        m[entry_at(plan, plan.ahead, i, i)] += m[plan.process + i]
+        m[entry_at(plan, plan.ahead, i, i)] += m[u(plan.process + i)]
         m[x_at(plan, plan.ahead, i)], m[x_at(plan, plan.turned, i)] = mean[i], begun[i]
 
 

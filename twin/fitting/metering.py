@@ -140,7 +140,7 @@ def _sign(boundary: int | None) -> float:
 def _add_slopes(places: Integers, numbers: Floats, copper: Floats, at: Floats, carried: Floats, found: Floats) -> None:
     one = np.empty((4, at.shape[1]))
     for w in range(len(places)):
-        psi_of(places[w], numbers[w], copper, at, 0, one)
+        psi_of(places[w], numbers[w], copper, at, one)
         for i in range(3):
             end = places[w, (0, 1, 3)[i]]
             if 0 <= end < len(found):

@@ -157,7 +157,7 @@ def _linear(table: Table, about: Floats, at: Floats) -> Floats:
 def _linear_psi(places: Integers, numbers: Floats, copper: Floats, about: Floats, by: Floats, found: Floats) -> None:
     one = np.empty((4, about.shape[1]))
     for w in range(len(places)):
-        psi_of(places[w], numbers[w], copper, about, 0, one)
+        psi_of(places[w], numbers[w], copper, about, one)
         for k in range(about.shape[1]):
             found[w, k] = one[0, k]
         for i in range(3):

@@ -306,6 +306,7 @@ class MarchedColumns:
         self._table(plan.shares, len(ran.shares), plan.size)[:] = ran.shares
         shown = self._table(plan.shown, plan.sensors * (plan.steps + 1), plan.wide)
         start, place, row, sign = self._entries
+        heats = np.asfortranarray(heats)  # those of a step side by side, as they are read
         for strip in range(len(start) - 1):
             own = slice(start[strip], start[strip + 1])
             _carry(plan, self._numbers, self._at, strip, place[own], row[own], sign[own], heats)
