@@ -360,7 +360,7 @@ def test_an_unknown_or_ambiguous_diagnosis_is_refused_with_what_there_is(
     store_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert accept(store_folder, capsys, "d-1", code=2)["error"] == (
-        f'diagnosis "d-1" is not in this store: it holds none yet: `whyhot diagnose --store {store_folder} --on S...`'
+        'diagnosis "d-1" is not in this store: it holds none yet: `whyhot diagnose --on S...`'
     )
     for number in ("4f0c000000000001", "4f0d000000000002"):
         diagnosed(store_folder, number, CAUSES)
