@@ -51,8 +51,10 @@ def test_a_folder_is_all_logs_in_it_by_what_they_hold(night: Path) -> None:
             "inner.zip in more.zip: is an archive in an archive. Unpack it first. Skipped.",
             "moved.csv: cannot be opened (No such file or directory). Skipped.",
             "notes.csv: is a text without a table. Skipped.",
-            "photo.jpg: is a picture or a film. Keep it beside the logs with whyhot attach FILE --specimen S --finding"
-            " TEXT. Skipped.",
+            (
+                "photo.jpg: is a picture or a film. Keep it beside the logs with whyhot attach FILE --specimen S --finding"
+                " TEXT. Skipped."
+            ),
         ]
         unpacked = next(path for path in given.logs if "more.zip" in path.name)
         assert unpacked.read_text(encoding="utf-8").startswith(TABLE)
