@@ -43,6 +43,7 @@ def night(tmp_path: Path) -> Path:
 
 
 def test_a_folder_is_all_logs_in_it_by_what_they_hold(night: Path) -> None:
+    photo = "photo.jpg: is a picture or a film. Keep it beside the logs with whyhot attach FILE --specimen S"
     with opened([night]) as given:
         assert [path.name for path in given.logs] == ["2_s2.csv", "10_s1.csv", "S4.csv in more.zip", "S3"]
         assert set(given.logs.values()) == {night} and given.refused == []
@@ -51,10 +52,7 @@ def test_a_folder_is_all_logs_in_it_by_what_they_hold(night: Path) -> None:
             "inner.zip in more.zip: is an archive in an archive. Unpack it first. Skipped.",
             "moved.csv: cannot be opened (No such file or directory). Skipped.",
             "notes.csv: is a text without a table. Skipped.",
-            (
-                "photo.jpg: is a picture or a film. Keep it beside the logs with whyhot attach FILE --specimen S --finding"
-                " TEXT. Skipped."
-            ),
+            f"{photo} --finding TEXT. Skipped.",
         ]
         unpacked = next(path for path in given.logs if "more.zip" in path.name)
         assert unpacked.read_text(encoding="utf-8").startswith(TABLE)
