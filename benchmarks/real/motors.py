@@ -36,10 +36,11 @@ def motor_of(folder: Path, room: Path, quick: bool, seven: bool = False) -> Moto
             shutil.copy(file, room)
         return Motor(logs[:3] if quick else logs, room / "lea.toml", None)
     logs = sorted(folder.glob("id_*.csv*"), key=lambda log: int(session_of(log).removeprefix("id_")))
-    few = [log for log in logs if session_of(log) in SHORTEST]
+    if quick:
+        logs = [log for log in logs if session_of(log) in SHORTEST]
     if seven:  # its air gap has a term that grows with speed
-        return Motor(few if quick else logs, SEVEN_NODES, None)
-    return Motor(few if quick else logs, HUST / "bench.toml", "conductance.stator-rotor.speed")
+        return Motor(logs, SEVEN_NODES, None)
+    return Motor(logs, HUST / "bench.toml", "conductance.stator-rotor.speed")
 
 
 def session_of(log: Path) -> str:

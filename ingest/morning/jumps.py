@@ -46,7 +46,7 @@ class Jumps:
 
 def jumps_together(thermometers: Sequence[ChannelData], channels: Sequence[ChannelData]) -> Jumps | None:
     """The moments at which at least `TOGETHER` of the `thermometers` jump to one side; None where there are none.
-    `channels`: all of the session, for its speed."""
+    `channels`: all of the session, for its speed and current."""
     fast = [one for one in thermometers if 0.0 < one.median_ns <= SLOWEST_s * 1e9]
     if len(fast) < TOGETHER:
         return None
@@ -118,6 +118,7 @@ def _moments(together: NDArray[np.int64]) -> list[int]:
 
 
 def _standing(channels: Sequence[ChannelData], begin: int, at_s: NDArray[np.int64]) -> int | None:
+    """How many of the moments came while the motor stood."""
     speed = find(channels, "speed")
     if speed is None:
         return None

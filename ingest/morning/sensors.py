@@ -122,7 +122,8 @@ def _first(one: ChannelData, span: tuple[int, int]) -> float | None:
 
 
 def jumping(channels: Sequence[ChannelData]) -> list[SensorFault]:
-    """Thermometers of the motor that jump together; `channels`: those of a session without what told nothing new."""
+    """Thermometers of the motor that jump together, the ignored ones too: their wires pick up the same. `channels`:
+    those of a session without what told nothing new."""
     wired = [one for one in channels if one.spec.quantity == "temperature" and not one.spec.derived]
     found = jumps_together([one for one in wired if not is_around(one)], channels)
     if found is None:

@@ -24,6 +24,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -90,7 +91,7 @@ class Naming:
         """The ln BF that a term must exceed, if nobody says another."""
         return EVIDENT if self.judged else THRESHOLD
 
-    @property
+    @cached_property
     def crudeness(self) -> float:
         """How crude the file is, less what the terms relieve its numbers of (`twin.diagnosis.crudeness`)."""
         model = self.final.model
