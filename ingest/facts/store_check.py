@@ -283,5 +283,5 @@ def _sqlite() -> Iterator[str]:
     if has_wal_reset_bug():
         yield (
             f"SQLite {sqlite3.sqlite_version} can corrupt a database that two processes write at once (fixed in "
-            "3.51.3): safe here as ledger.lock lets in one writer, but write to ledger.sqlite with nothing else"
+            "3.51.3). ledger.lock lets in one writer, so it is safe here: let no other program write to ledger.sqlite"
         )

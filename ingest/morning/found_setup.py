@@ -49,10 +49,11 @@ def found_setup(
     """The bench file and databases that are named; else those in the folders given, where there is one bench file;
     else those of the last session of the store. Raises as `prepare` for what is named."""
     if bench or databases:
-        return FoundSetup(prepare(logs, bench, databases, motor_file), "as named", named=True)
+        given = ", ".join(path.name for path in (bench, *databases) if path)
+        return FoundSetup(prepare(logs, bench, databases, motor_file), f"{given}, as given", named=True)
     benches, there = _lying(arguments)
     if len(benches) > 1:
-        return _without(there, f"no bench file: {len(benches)} lie there, name one with --bench")
+        return _without(there, f"no bench file: the folder holds {len(benches)}, name one with --bench")
     if benches:
         try:
             setup = prepare(logs, benches[0], there, motor_file)
@@ -109,4 +110,4 @@ def _last_setup(store: Store, facts: Facts, motor_file: Callable[[Path], MotorFi
             motor = motor_file(named)
         setup = replace(setup, motor=replace(motor, file=facts.models[last.model].file))
     name = facts.benches[str(last.bench)].name
-    return FoundSetup(setup, f"{name} of the store, as {facts.files[last.raw].name} came with")
+    return FoundSetup(setup, f"{name} of the store, which {facts.files[last.raw].name} was read with")

@@ -135,7 +135,7 @@ def jumping(channels: Sequence[ChannelData]) -> list[SensorFault]:
     at = f"{minutes // 60}:{minutes % 60:02}:{second:02}"
     says = (
         f"{len(found.channels)} thermometers jump together by {sizes} K (jumps: {jumps}{standing}; the first at {at}):"
-        f" no heat does that, an inverter, a ground or an amplifier does ({names})"
+        f" heat cannot do that, but an inverter, a ground or an amplifier can ({names})"
     )
     return [SensorFault(names, "jumps", says)]
 

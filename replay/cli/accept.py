@@ -16,7 +16,7 @@ MOST_CHANGES = 40  # lines that are shown of a file
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("diagnosis", metavar="DIAGNOSIS", help="id of a diagnosis, or its beginning, as d-4f0c")
-    parser.add_argument("--steps", type=int, metavar="N", help="the first N steps of its chain alone")
+    parser.add_argument("--steps", type=int, metavar="N", help="only the first N steps of its chain")
 
 
 def run(args: argparse.Namespace) -> Answer:

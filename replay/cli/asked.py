@@ -79,7 +79,7 @@ def ask_level(parser: argparse.ArgumentParser, says: str = "channels that may be
 
 
 def ask_as_of(parser: argparse.ArgumentParser) -> None:
-    says = "with the ledger as it was at an event (its number) or a time (ISO 8601, UTC); nothing is written then"
+    says = "answer from the ledger as it was at an event (its number) or a time (ISO 8601, UTC); nothing is written"
     parser.add_argument("--as-of", metavar="POINT", help=says)
 
 
@@ -133,9 +133,9 @@ KINDS = ("wltp", "s1", "s2", "ageing", "dc_check", "insulation_check", "drive", 
 def ask_said(parser: argparse.ArgumentParser) -> None:
     """What a log is read with and said to be of."""
     parser.add_argument("--bench", metavar="B", type=Path, help="bench file: what each signal means")
-    parser.add_argument("--specimen", metavar="S", help="which motor or part; beats the bench file")
-    parser.add_argument("--batch", metavar="B", help="its batch; beats the bench file")
-    parser.add_argument("--kind", choices=KINDS, help="what test it is; beats the bench file and recognition")
+    parser.add_argument("--specimen", metavar="S", help="which motor or part; overrules the bench file")
+    parser.add_argument("--batch", metavar="B", help="its batch; overrules the bench file")
+    parser.add_argument("--kind", choices=KINDS, help="what test it is; overrules the bench file and recognition")
 
 
 def ask_reason(parser: argparse.ArgumentParser) -> None:

@@ -10,9 +10,9 @@ from replay.cli.progress import tell
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    says = "the folder of the backup, on another disk; made where there is none, brought up to date where there is one"
+    says = "the folder of the backup, on another disk; it is created, or brought up to date"
     parser.add_argument("folder", metavar="DIR", type=Path, help=says)
-    says = "read and hash what the backup holds already too, and copy anew what is damaged there"
+    says = "also read and hash what the backup holds already, and copy damaged files again"
     parser.add_argument("--read", action="store_true", help=says)
 
 

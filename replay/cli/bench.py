@@ -10,9 +10,9 @@ from replay.cli.answer import Answer, provenance, store_folder
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("action", choices=("export",), help="a bench file of the store as a file, as it is current")
+    parser.add_argument("action", choices=("export",), help="write the current version of a bench file of the store")
     parser.add_argument("bench", metavar="BENCH", help="a bench file's name or id, or a session that has it")
-    says = "the file to write; never over one that is there"
+    says = "the file to write; an existing one is not overwritten"
     parser.add_argument("-o", "--out", metavar="OUT", type=Path, required=True, help=says)
 
 

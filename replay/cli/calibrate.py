@@ -12,7 +12,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     ask_sessions(parser, "ids or names of sessions to learn from")
     ask_model(parser)
     ask_level(parser)
-    says = "parameters, such as loss.magnet.speed2, of which to say what the data alone know (profile likelihood)"
+    says = "parameters, such as loss.magnet.speed2, for which to print what the data alone say (profile likelihood)"
     parser.add_argument("--profile", metavar="NAME", nargs="+", default=[], help=says)
 
 

@@ -16,7 +16,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     ask_model(parser)
     ask_level(parser)
     parser.add_argument("--report", metavar="F.html", type=Path, help="write the report of the diagnosis to this file")
-    says = "hold the answer against this plan, a file that `whyhot plan --json P` wrote: what it promised, what came"
+    says = "compare the answer with this plan, a file that `whyhot plan --json P` wrote: what it promised, what came"
     parser.add_argument("--planned", metavar="P", type=Path, help=says)
     ask_as_of(parser)
 

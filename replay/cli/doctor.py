@@ -24,6 +24,7 @@ PACKAGES = (
     "matplotlib",
     "rerun-sdk",
 )
+SQLITE_BUG = "; it can lose data when two processes write at once: whyhot lets only one write, by ledger.lock"
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,6 +33,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> Answer:
     from ingest.facts.ledger_lock import has_wal_reset_bug
+    from replay.show.words import words
     from whyhot.installation import problems
 
     folder = store_folder(args)
@@ -48,11 +50,13 @@ def run(args: argparse.Namespace) -> Answer:
         "free_bytes": free,
     }
     packages = {name: _version(name) for name in PACKAGES}
-    lines = [f"{name:<22}{value}" for name, value in facts.items()]
-    lines += [f"{name:<22}{found or 'not installed'}" for name, found in packages.items()]
-    if affected:
-        says = "this SQLite can lose data when two processes write at once: whyhot lets only one write, by ledger.lock"
-        lines.append(says)
+    shown = {
+        **{name: facts[name] for name in ("python", "platform", "locale")},
+        "sqlite": f"{facts['sqlite']}{SQLITE_BUG if affected else ''}",
+        "store": f"{facts['store']}{'' if folder.exists() else ', not there yet'}; {words.size(free)} free",
+    }
+    rows = {**shown, **{name: found or "not installed" for name, found in packages.items()}}
+    lines = [f"{name:<15}{value}" for name, value in rows.items()]
     notes = problems()
     found = {**facts, "packages": packages, "problems": notes}
     data = {"schema": "whyhot.doctor/1", **found, "provenance": provenance(None)}

@@ -17,7 +17,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
     parser.add_argument("session", metavar="S", help="the session, by name or id")
     parser.add_argument("--to", choices=tuple(WRITERS), required=True, help="what to write: names, units, times in UTC")
-    says = "the file to write (default: the session's name); never over one that is there"
+    says = "the file to write (default: the session's name); an existing one is not overwritten"
     parser.add_argument("-o", "--out", metavar="OUT", type=Path, help=says)
     says = "a CSV for the Excel of a country: its decimal sign, delimiter and dates (default: comma and point)"
     parser.add_argument("--excel", choices=tuple(EXCELS), help=says)

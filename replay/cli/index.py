@@ -10,7 +10,7 @@ from replay.cli.answer import Answer, provenance, store_folder
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    says = "the folder of the pages; what lies in it already is written again only where it would be other by now"
+    says = "the folder of the pages; those that have not changed are not written again"
     parser.add_argument("-o", "--out", metavar="DIR", type=Path, required=True, help=says)
 
 
@@ -28,6 +28,6 @@ def run(args: argparse.Namespace) -> Answer:
         known = facts.at(store.ledger)
         done = write_site(args.out, wanted(store, known), partial(index_page, store, known), tell)
         data = {"schema": "whyhot.index/1", "folder": str(args.out), **asdict(done), "provenance": provenance(store)}
-    counts = f"{len(done.written)} files written, {len(done.kept)} left as they were, {len(done.removed)} taken away"
+    counts = f"{len(done.written)} files written, {len(done.kept)} unchanged, {len(done.removed)} removed"
     text = f"{args.out / INDEX}   {counts}; opens offline in any browser"
     return Answer(data, text, 1 if done.refused else 0, done.refused)

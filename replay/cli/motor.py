@@ -14,14 +14,14 @@ if TYPE_CHECKING:
 
 # action -> (what it does, flags that it needs, flags that it may have)
 ACTIONS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
-    "check": ("read it, refuse what cannot be, say what it is", ("file",), ()),
+    "check": ("read it, refuse what is impossible, print what it holds", ("file",), ()),
     "new": ("a blank commented file to fill in", ("out",), ("topology",)),
     "import": ("what Motor-CAD exports: matrices as a motor file, a map's losses", ("file", "out"), ("flow_lpm",)),
     "scale": ("the same motor in another size", ("file", "length", "out"), ()),
     "slice": ("cut along the stack, for a profile", ("file", "into", "stack_mm", "nodes", "out"), ()),
     "plot": ("a picture of the network", ("file", "out"), ("at",)),
     "reduce": ("fewer nodes, by their error on sessions", ("file", "on", "out"), ("to", "hold_out", "curve")),
-    "export": ("a motor of the store as a file, as it is current", ("file", "out"), ()),
+    "export": ("the current file of a motor of the store", ("file", "out"), ()),
 }
 
 
@@ -52,8 +52,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     reduce = parser.add_argument_group("reduce")
     enough = "the fewest that are good enough on sessions of --hold-out"
     reduce.add_argument("--to", type=int, metavar="N", help=f"nodes of the motor that is written (default: {enough})")
-    reduce.add_argument("--on", nargs="+", metavar="S", help="sessions by whose runs mergers are proposed")
-    says = "kept sessions, whose error decides which are made (default: those of --on)"
+    reduce.add_argument("--on", nargs="+", metavar="S", help="sessions whose runs propose what to merge")
+    says = "kept sessions, whose error decides what is merged (default: those of --on)"
     reduce.add_argument("--hold-out", nargs="+", metavar="S", help=says)
     reduce.add_argument("--curve", metavar="F.svg", type=Path, help="draw nodes against error to this file")
     parser.set_defaults(refuse=parser.error)

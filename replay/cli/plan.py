@@ -27,11 +27,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     says = "model id, motor name or motor file (default: what the bench file names); with --tests a motor file"
     parser.add_argument("--motor", metavar="M", dest="model", help=says)
     ask_level(parser)
-    says = f"bench hours that there are, rests included (default {A_DAY_H:g})"
+    says = f"bench hours available, rests included (default {A_DAY_H:g})"
     parser.add_argument("--hours", type=_hours, default=A_DAY_H, help=says)
     says = "plan for these causes alone (ids; default: for all candidates)"
     parser.add_argument("--cause", metavar="C", nargs="+", default=[], help=says)
-    says = "write the day for the bench to this file: a row a second, a column a set value"
+    says = "write the day for the bench to this file: one row a second, one column for each set value"
     parser.add_argument("-o", "--out", metavar="FILE.csv", type=Path, help=says)
     parser.set_defaults(refuse=parser.error)
 

@@ -12,7 +12,7 @@ from replay.cli.asked import ask_as_of, opened, sessions_of
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("diagnosis", metavar="DIAGNOSIS", help="id of a diagnosis, or its beginning, as d-4f0c")
     parser.add_argument("--cause", metavar="C", help="which of its causes (default: the first that has a size)")
-    says = "look in these alone (default: all sessions of this motor in the store)"
+    says = "look in these only (default: all sessions of this motor in the store)"
     parser.add_argument("--sessions", metavar="S", nargs="+", default=[], help=says)
     ask_as_of(parser)
 

@@ -13,7 +13,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     ask_model(parser)
     says = "channels that a vehicle has (default: those of level production)"
     parser.add_argument("--vehicle", metavar="CHANNEL", nargs="+", default=[], help=says)
-    says = "share of the time in which the hot spot may be above (default 0.01)"
+    says = "share of the time in which the hot spot may exceed its limit (default 0.01)"
     parser.add_argument("--risk", type=_share, default=0.01, help=says)
 
 

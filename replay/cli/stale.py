@@ -8,7 +8,7 @@ from replay.cli.answer import Answer, provenance, store_folder
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--redo", action="store_true", help="ask all of it again")
+    parser.add_argument("--redo", action="store_true", help="ask all of them again")
 
 
 def run(args: argparse.Namespace) -> Answer:

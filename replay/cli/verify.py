@@ -55,7 +55,8 @@ def run(args: argparse.Namespace) -> Answer:
     }
     if found.damages:
         return Answer(data, _text(found, folder), code=1, notes=[*map(_line, found.damages), *found.hints])
-    depth = "every event and every sealed byte" if args.read else "every event; sealed bytes were not read, --read does"
+    unread = "every event; sealed bytes were not read (--read reads them)"
+    depth = "every event and every sealed byte" if args.read else unread
     return Answer(data, f"intact: {depth}; head {found.head}", notes=found.hints)
 
 

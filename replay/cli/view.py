@@ -9,10 +9,10 @@ from replay.cli.answer import Answer, provenance, store_folder
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("sessions", metavar="S", nargs="+", help="sessions; their latest replays come along as layers")
+    parser.add_argument("sessions", metavar="S", nargs="+", help="sessions; their latest replays are added as layers")
     says = "where the .rrd files go (default: layers)"
     parser.add_argument("-o", "--out", metavar="DIR", type=Path, default=Path("layers"), help=says)
-    says = "sessions over one another, from their starts or laid where they were driven alike"
+    says = "lay sessions over one another: from their starts, or where they were driven alike"
     parser.add_argument("--align", choices=("start", "test"), help=says)
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--write-only", action="store_true", help="write the layers and do not open the viewer")

@@ -28,12 +28,12 @@ def told(diagnosis: Diagnosis) -> Iterator[str]:
 
 
 def how_many(diagnosis: Diagnosis) -> str:
-    """ "Numbers that had to go far: 12 without the cause, 7 with it"; "" where none had."""
+    """ "Numbers that moved further than usual: 12 without the cause, 7 with it"; "" where none had."""
     far = Counter(one.when for one in filter(_is_number, diagnosis.findings))
     terms = _terms(diagnosis)
     cause = ("the causes", "them") if terms > 1 else ("the cause", "it")
     each = f"{far['before']} without {cause[0]}, {far['after']} with {cause[1]}" if terms else far["before"]
-    return f"Numbers of the file, its sensors and its sessions that had to go far: {each}" if far else ""
+    return f"Numbers of the file, its sensors and its sessions that moved further than usual: {each}" if far else ""
 
 
 def _terms(diagnosis: Diagnosis) -> int:

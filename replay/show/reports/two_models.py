@@ -90,11 +90,11 @@ def _told(diagnosis: Diagnosis, found: TwoModels) -> Iterator[str]:
 
 
 def _relieved(found: TwoModels) -> str:
-    """ "coefficients that move less with it: conductance jacket-coolant −2.3 sd without it, −0.2 sd with it; ..."."""
+    """ "numbers that move less with the cause: conductance jacket-coolant −2.3 sd without it, −0.2 sd with it; ..."."""
     if not found.relieved:
         return "it relieves no coefficient by half of its sd or more"
     told = [f"{one.parameter} {_sd(one.before_sd)} without it, {_sd(one.after_sd)} with it" for one in found.relieved]
-    return f"coefficients that move less with it: {'; '.join(told)}"
+    return f"numbers that move less with the cause: {'; '.join(told)}"
 
 
 def _sd(value: float) -> str:
@@ -110,7 +110,7 @@ def _inside(diagnosis: Diagnosis, found: TwoModels) -> str:
         return f"at nodes without a sensor the two agree within {words.kelvin(TOLD_K)} in the mean of the {where}"
     at = f"{verdict.session_name(diagnosis, one.session)} {words.clock(one.t_s)}"
     apart = f"{words.kelvin(one.mean_K)} in the mean of the {where}, {words.kelvin(one.max_K)} at most ({at})"
-    return f"without a sensor furthest apart: {words.name(one.node)}, {apart}"
+    return f"of the nodes without a sensor they differ most at {words.name(one.node)}: {apart}"
 
 
 def _at_points(found: TwoModels) -> str:
@@ -121,9 +121,8 @@ def _at_points(found: TwoModels) -> str:
     points = words.counted(len(found.points), "operating point")
     if abs(most.differ_K) < TOLD_K:
         return f"at {points} the two agree within {words.kelvin(TOLD_K)}"
-    return (
-        f"of {points} furthest apart: {most.says}, {words.name(most.node)} {words.signed_kelvin(most.differ_K)} with it"
-    )
+    apart = f"{words.name(most.node)} {words.signed_kelvin(most.differ_K)} with it"
+    return f"of {points} they differ most at {most.says}: {apart}"
 
 
 def _telling(found: TwoModels) -> str:

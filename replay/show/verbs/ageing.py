@@ -180,7 +180,7 @@ def _stress(found: Assessment) -> Iterator[str]:
     together = [one for one in known if one.not_told_from]
     if together:
         names, alone = words.joined([one.name for one in together]), " or ".join(map(_effect, together))
-        yield f"{names} cannot be told apart here: {alone}, if it were one alone; cycles of another length would tell"
+        yield f"{names} cannot be told apart here: {alone}, if one alone did it; cycles of another length would tell"
 
 
 def _effect(one: StressEffect) -> str:

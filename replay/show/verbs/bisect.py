@@ -80,7 +80,7 @@ def answer(found: Bisected) -> str:
 def _changed(found: Bisected) -> list[str]:
     assert found.before and found.first, "asked only where something began between two sessions"
     told = [f"#{one.position} {(one.recorded or '')[:16].replace('T', ' ')}: {one.says}" for one in found.changed]
-    return told or [f"the ledger knows of nothing between {found.before.name} and {found.first.name}."]
+    return told or [f"the store knows of nothing between {found.before.name} and {found.first.name}."]
 
 
 def _rows(found: Bisected) -> Iterator[tuple[str, ...]]:

@@ -81,7 +81,7 @@ def stale_json(stale: StaleAnswers) -> list[dict[str, Any]]:
 def stale_text(stale: StaleAnswers) -> str:
     if lines := [*_stale_lines(stale)]:
         return "\n".join([*lines, *_next(stale)])
-    return "Nothing is stale: every answer is of the sessions, files and version of now."
+    return "Nothing is stale: every answer uses the current sessions, files and version."
 
 
 def redone_text(done: Sequence[Redone], left: StaleAnswers) -> str:

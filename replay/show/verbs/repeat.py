@@ -111,7 +111,7 @@ def change_says(found: Repeat) -> list[str]:
     """What the ledger knows to have changed, a line each with its event."""
     told = [f"#{one.position} {(one.recorded or '')[:16].replace('T', ' ')}: {one.says}" for one in found.changes]
     first, second = found.first.name, found.second.name
-    return told or [f"the ledger knows of nothing that changed between {first} and {second}."]
+    return told or [f"the store knows of nothing that changed between {first} and {second}."]
 
 
 def amount(value: float, one: ChannelDifference) -> str:

@@ -88,7 +88,7 @@ def test_names_are_shown_escaped_on_the_terminal_and_in_the_report(
         assert not STEERING.search(out + err), (words, STEERING.search(out + err))
         said += out + err
     assert "\\u001b[2J" in said
-    assert "0 files written, 3 left as they were" in said
+    assert "0 files written, 3 unchanged" in said
     links = re.findall(
         r'<td class="name"><a href="(.*?)">', (bench / "site" / "index.html").read_text(encoding="utf-8")
     )

@@ -58,10 +58,10 @@ def test_runs_that_repeat_say_so_in_the_report_too(store: Path, tmp_path: Path, 
     assert page.count("<svg") == 1 and faults(report) == []
     assert "<code>whyhot lineage evening_1</code>, <code>whyhot lineage evening_0</code>" in page
     assert "evening_0 reads as evening_1 where both were driven alike" in page
-    assert "the ledger knows of nothing that changed" in page
+    assert "the store knows of nothing that changed" in page
     said = capsys.readouterr().out
     assert said.startswith("Answer            evening_0 reads as evening_1 where both were driven alike")
-    assert "the ledger knows of nothing that changed" in said
+    assert "the store knows of nothing that changed" in said
 
 
 def test_earlier_runs_are_a_floor(store: Path, capsys: Capture) -> None:

@@ -173,7 +173,7 @@ def test_without_a_change_there_is_no_diff(tmp_path: Path) -> None:
 def test_where_the_two_models_differ_is_a_section_of_its_own(tmp_path: Path) -> None:
     text = Tags(page(tmp_path, NAMED, {})).text
     assert "Recalibrated or with the cause: where the two models differ" in text
-    assert "Without a sensor furthest apart: rotor core, 1.2" in text
+    assert "Of the nodes without a sensor they differ most at rotor core: 1.2" in text
     assert "where the two models differ" not in Tags(page(tmp_path, ABSORBED, {})).text
 
 

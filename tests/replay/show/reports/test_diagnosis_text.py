@@ -181,18 +181,18 @@ def test_a_calibration_that_is_worse_says_so_first_and_an_extended_model_that_is
 
 def test_the_two_models_are_told_apart() -> None:
     assert flat("\n".join(paragraphs(NAMED))) == (
-        "coefficients that move less with it: conductance jacket-coolant −2.3 sd without it, −0.2 sd with it; loss of "
-        "teeth near 8,000 rpm +1.4 sd without it, +0.4 sd with it "
-        "without a sensor furthest apart: rotor core, 1.2 K in the mean of the kept sessions, 3.4 K at most "
-        "(5_wltp 0:31:00) "
-        f"of 2 operating points furthest apart: {NO_LOAD}, rotor core −7.4 K with it "
+        "numbers that move less with the cause: conductance jacket-coolant −2.3 sd without it, −0.2 sd with it; loss "
+        "of teeth near 8,000 rpm +1.4 sd without it, +0.4 sd with it "
+        "of the nodes without a sensor they differ most at rotor core: 1.2 K in the mean of the kept sessions, 3.4 K "
+        "at most (5_wltp 0:31:00) "
+        f"of 2 operating points they differ most at {NO_LOAD}: rotor core −7.4 K with it "
         f"would tell which is right: {NO_LOAD}, where MAG_1 reads −5.9 K with it, 12 times what it may be off; or a "
         f"sensor at rotor core, 7.4 K apart in {NO_LOAD}, 15 times what one may be off"
     )
     assert paragraphs(ABSORBED) == []
-    assert "Two models coefficients that move less with it" in flat(diagnosis_text(NAMED))
+    assert "Two models numbers that move less with the cause" in flat(diagnosis_text(NAMED))
     assert "Two models" not in diagnosis_text(ABSORBED)
-    assert "- without a sensor furthest apart: rotor core" in answer_markdown(NAMED)
+    assert "- of the nodes without a sensor they differ most at rotor core" in answer_markdown(NAMED)
 
 
 def test_two_models_that_agree_say_so() -> None:
@@ -490,7 +490,7 @@ def test_what_is_beyond_usual_is_told_before_any_cause_in_a_few_lines() -> None:
         "Form of the losses in iron: 3.1 times as far from the file as usual (ln evidence +34.2). Better known with a",
         "The heat path between housing and air had to shrink by 3.5 sd: −75 % (−80 to −70). It ended at its bound,",
         "a factor of 4. Better known with sensors at both ends and 2 more in the report Numbers of the file,",
-        "and its sessions that had to go far: 3",
+        "and its sessions that moved further than usual: 3",
     ):
         assert part in text
 
@@ -503,7 +503,7 @@ def test_with_a_cause_what_is_left_is_told_and_what_the_cause_took_away() -> Non
         "No longer beyond usual with the cause: form of the losses in iron (3.1 times as far from the file as usual) "
         "and the offset of EW_A_inner in 3_wltp (2.2 sd)"
     ) in text
-    assert "that had to go far: 2 without the cause, 2 with it" in text
+    assert "that moved further than usual: 2 without the cause, 2 with it" in text
     assert "Beyond usual" not in diagnosis_text(NAMED)
 
 

@@ -70,7 +70,7 @@ def test_stresses_are_said_apart_where_they_are_told_apart_and_as_one_or_other_w
     assert (
         "Stress heat and cycles cannot be told apart here: R +24.0 % ± 2.0 % each 100 h above 180 °C or R −2.9 % "
         "± 0.3 % each cycle, "
-        "if it were one alone" in said(heat, cycles, nothing)
+        "if one alone did it" in said(heat, cycles, nothing)
     )
     assert "Stress" not in said(discharge), "one alone is the slope"
     assert "Stress" not in said()

@@ -209,4 +209,4 @@ def test_one_command_replays_what_a_correction_made_stale(
     assert "is not in this store" in capsys.readouterr().err
     with Store.open(tmp_path / "store") as store:
         assert store.ledger.head() == before
-    assert said == "Nothing is stale: every answer is of the sessions, files and version of now.\n"
+    assert said == "Nothing is stale: every answer uses the current sessions, files and version.\n"
