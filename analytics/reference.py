@@ -10,13 +10,12 @@ from analytics import warehouse
 
 INTRODUCTION = """# SQL reference
 
-`whyhot sql "SELECT ..."` asks the views below; `analytics.warehouse.connect(folder)` opens them for a notebook. They
-are made anew from the ledger whenever it has changed, and can only be read. A unit is part of a column's name; times
-are int64 nanoseconds UTC (`_ns`) or seconds since the start of the session (`t_s`). With `--as-of` the views hold
-what was known at that event or time. A question gets 60 s, 2 GiB of memory and a million rows; the first and last of
-these change with `--seconds` and `--rows`, and a limit that bites is named. Where a Parquet file is missing or cannot
-be read, the rest is answered, and a line (`left_out` with `--json`) says which file, and what brings it back. The
-dialect is [DuckDB's](https://duckdb.org/docs/stable/sql/introduction).
+`whyhot sql "SELECT ..."` queries the views below; `analytics.warehouse.connect(folder)` opens them in a notebook. They
+are read-only, and made again whenever the ledger has changed. A unit is part of a column's name; times are int64
+nanoseconds UTC (`_ns`) or seconds since the start of the session (`t_s`). With `--as-of` the views hold what was known
+at that event or time. A query gets 60 s (`--seconds`), a million rows (`--rows`) and 2 GiB of memory; an answer that
+meets a limit says which. Where a Parquet file is missing or cannot be read, a line (`left_out` with `--json`) says
+which, and how to make it again. The dialect is [DuckDB's](https://duckdb.org/docs/stable/sql/introduction).
 
 This page is generated: `python -m analytics.reference > docs/sql.md`.
 """

@@ -27,8 +27,8 @@ HEAD = """# The command line
 Written by `python tests/test_docs.py`; `whyhot VERB --help` prints the same. Every verb takes `--store DIR` (default:
 `WHYHOT_STORE`, else `./whyhot-store`) and `--json [FILE.json]`. Exit codes: 0 done; 1 done with something refused or
 quarantined; 2 could not start or stopped before its end; 130 interrupted. Answers go to standard output, refusals and
-warnings to standard error, a line each. Where a terminal or pipe lacks a character, `-`, `deg`, `Ohm` or its number
-(`\\xfc`) stands instead; JSON is then escaped and reads back as it was.
+warnings to standard error, a line each. Where a terminal or pipe cannot show a character, `-`, `deg`, `Ohm` or its code
+(`\\xfc`) is printed instead; JSON escapes it, and reads back unchanged.
 """
 
 

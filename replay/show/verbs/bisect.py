@@ -74,7 +74,7 @@ def answer(found: Bisected) -> str:
             "reads is within what a healthy motor may do."
         )
     began = since_says(found.since, 1.0 - found.none)
-    return f"{percent(1.0 - found.none)} that something moves {found.channel}; if so: {began}."
+    return f"{percent(1.0 - found.none)} that something moves {found.channel}; if so, {began}."
 
 
 def _changed(found: Bisected) -> list[str]:

@@ -130,7 +130,7 @@ def _hidden(found: Planned) -> Iterator[str]:
     if not shown:
         yield "No cause of its usual size stays silent."
         return
-    head = ("May hide: cause", "hot spot, usual", "shows from", "then hot spot")
+    head = ("May hide, and heat the hot spot by", "at usual size", "shows from", "at that size")
     names, *lines = table(head, map(_hidden_row, shown), width(), right=(1, 2, 3))
     yield names
     for i, line in enumerate(lines):

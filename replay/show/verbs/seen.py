@@ -71,7 +71,8 @@ def answer(found: SeenElsewhere) -> str:
     total = words.counted(len(found.motors), "motor")
     told = f"{found.cause.id} of d-{found.diagnosis.diagnosis[:8]} acts in {len(ill)} of {total} ({percent(SURE)} sure)"
     open_ = len(found.motors) - len(ill) - len(well)
-    return f"{told}, not in {len(well)}{f', and {open_} cannot tell' if open_ else ''}."
+    rest = [f"not in {len(well)}"] * bool(well) + [f"{open_} cannot tell"] * bool(open_)
+    return f"{'; '.join([told, *rest])}."
 
 
 def _since(motor: SeenMotor) -> str:
