@@ -85,13 +85,13 @@ def envelope_text(found: Envelope) -> str:
 
 
 def answer(found: Envelope) -> str:
-    """The continuous load at the speed where most is borne, and what limits it."""
+    """The largest load that may be held for ever, at which speed, and what limits it."""
     name, unit = LOAD_NAMES[found.load_column]
     for_ever = [(of_speed[0], rpm) for of_speed, rpm in zip(found.borders, found.speeds_rpm, strict=True)]
     most, rpm = max(for_ever, key=lambda one: one[0].load)
-    why = f"then the {words.name(most.node)} is at its limit" if most.node else "the most that was recorded there"
+    why = f"limited by the {words.name(most.node)}" if most.node else "the most that was recorded there"
     load, band = f"{most.load:.0f} {unit} of {name}", f"{most.low:.0f} to {most.high:.0f}"
-    return f"{found.network.name} bears {load} for ever at {rpm:,.0f} rpm ({band}): {why}."
+    return f"{found.network.name} can hold {load} for ever at {rpm:,.0f} rpm ({band}): {why}."
 
 
 def duration(seconds: float) -> str:
@@ -104,7 +104,7 @@ def _table(found: Envelope) -> Iterator[str]:
         (f"{speed:,.0f} rpm", *map(load_says, of_speed))
         for speed, of_speed in zip(found.speeds_rpm, found.borders, strict=True)
     ]
-    head = (f"{unit} borne at", *map(duration, DURATIONS_S))
+    head = (f"{unit} held at", *map(duration, DURATIONS_S))
     yield from table(head, rows, width(), right=range(1, len(head)))
     if any(one.node is None for of_speed in found.borders for one in of_speed):
         yield "at least: with the largest load recorded at that speed no limit is reached"

@@ -53,12 +53,11 @@ def answer(found: Worth) -> str:
     """How many could go, and the one that is missed most."""
     gone = dispensable(found)
     most = max(found.withheld, key=lambda one: one.mae_K)
-    could = f"{words.joined(gone)} could be done without" if gone else "no sensor can be done without"
-    return (
-        f"Of {words.counted(len(found.withheld), 'channel')} {could}: what is gone is estimated to a mean of "
-        f"{TOLERATED_K:.0f} K or better. Missed most, alone: {most.channel} at the {words.name(most.node)}, "
-        f"{words.kelvin(most.mae_K)}."
-    )
+    channels, within = words.counted(len(found.withheld), "channel"), f"estimated to a mean of {TOLERATED_K:.0f} K"
+    could = f"Of {channels} {words.joined(gone)} could be removed: without them each is still {within} or better."
+    none = f"None of {channels} could be removed and still be {within} or better."
+    missed = f"Removed alone, {most.channel} at the {words.name(most.node)} is missed most: {words.kelvin(most.mae_K)}."
+    return f"{could if gone else none} {missed}"
 
 
 def _table(found: Worth) -> Iterator[str]:
@@ -93,7 +92,7 @@ def _label(channel: str, node: str) -> str:
 
 
 def _order(found: Worth) -> Iterator[str]:
-    yield from wrap("Done without one after the other: then the worst mean error of those gone", width())
+    yield from wrap("Removed one after the other, with the worst mean error of those removed", width())
     for i, one in enumerate(found.order):
         left = len(found.withheld) - 1 - i
         yield f"  {one.channel:<20} {words.kelvin(one.worst_mae_K):>7}   {words.counted(left, 'channel')} left"
