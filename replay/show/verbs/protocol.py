@@ -190,9 +190,8 @@ def filter_notes(found: Protocol) -> Iterator[str]:
             yield f"{summary.session_name}: from {read} at the {at}, the kept {words.joined(parts)}"
     if worse:
         yield (
-            "the open loop does better where it begins with the kept channel's own first reading, and where the "
-            f"filter takes for temperature what a thermometer reads too much{_too_much(found)}: a [[correction]] in "
-            "the bench file takes that off"
+            "the open loop may be nearer: it begins with the kept channel's own first reading, and the filter believes "
+            f"a thermometer that reads too much{_too_much(found)}; a [[correction]] in the bench file takes that off"
         )
 
 

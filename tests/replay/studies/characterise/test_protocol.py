@@ -148,9 +148,9 @@ def test_why_a_filter_is_worse_than_the_open_loop_is_said(found: Protocol) -> No
 
     open_loop = max(one.mae_K for one in after.channels)
     (_, why) = notes(open_loop + 0.5, (0.6, 0.4))
-    assert f"what a thermometer reads too much (by the calibration {winding} +0.5 K): a [[correction]]" in why
+    assert f"a thermometer that reads too much (by the calibration {winding} +0.5 K); a [[correction]]" in why
     (_, why) = notes(open_loop + 0.5, (0.6, -0.4))
-    assert "reads too much: a [[correction]]" in why
+    assert "reads too much; a [[correction]]" in why
     assert len(notes(0.0, (0.6, 0.4))) == 1
 
 
