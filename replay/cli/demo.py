@@ -18,5 +18,4 @@ def run(args: argparse.Namespace) -> Answer:
 
     folder = Path("demo")
     done = run_demo(folder, Path(args.store) if args.store else folder / "store", tell)
-    tell("")
     return Answer({**done.data, "provenance": provenance(None)}, done.text, notes=done.notes)
