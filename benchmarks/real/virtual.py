@@ -74,5 +74,5 @@ def _against(
     sensor = own.sensor
     sd = np.hypot(found.smoothed_sd_K[1:, nodes.index(node)], np.hypot(sensor.noise, sensor.bias_sd))[there]
     inside = float(np.mean(np.abs(smoothed) <= BAND * sd))
-    mae = (float(np.abs(one).mean()) for one in (alone, filtered, smoothed))
-    return Sensed(*mae, inside)
+    means = [float(np.abs(one).mean()) for one in (alone, filtered, smoothed)]
+    return Sensed(open_loop=means[0], filter=means[1], smoother=means[2], coverage=inside)
