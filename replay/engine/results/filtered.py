@@ -42,9 +42,7 @@ LEAST_LOSS_W = 1.0  # of a motor at rest: the sizes of unknown heats follow its 
 LEAST_SHARE = 0.05  # of the loss of the whole network: no unknown heat is smaller, however little its node has
 UNREAD_SHARE = 0.2  # of an unknown's size, in a part of the motor that nothing reads
 HEAT_WALK_SHARE = 0.001  # of an unknown heat's random walk per root of a second, of its size: where the search begins
-ERROR_WANDERS_S = (
-    3600.0  # in which a thermometer's error wanders by its own size: how a lump's place stands for it does
-)
+ERROR_WANDERS_S = 3600.0  # in which a thermometer's error, such as of its place in a lump, wanders by its own size
 MOST_FACTOR_SD = 0.7  # of the logarithm of what multiplies a loss: a factor of two
 NOTHING_ASKED: Mapping[str, Unknown] = {}
 
