@@ -48,9 +48,17 @@ from replay.engine.files.motor_file import read_motor
 from replay.engine.frame.frame import InputFrame
 from replay.engine.frame.frame_of import session_frame
 from replay.engine.frame.observations import Observation
-from replay.engine.results.filtered import at_their_paces, heats_elsewhere, mean_losses, reading_of, unknown_heat
+from replay.engine.results.filtered import (
+    at_their_paces,
+    filter_start,
+    heats_elsewhere,
+    mean_losses,
+    reading_errors,
+    reading_of,
+    unknown_heat,
+)
 from replay.engine.results.kernel_cache import load, load_kernel
-from replay.engine.results.open_loop import initial_temperatures, modelled
+from replay.engine.results.open_loop import modelled
 from replay.studies.motors.scale import sliced_file
 from twin.compiled.kernel import compile_indexed
 from twin.filters import ukf
@@ -163,10 +171,10 @@ def with_network(recorded: InputFrame, network: Network, read: Sequence[str] = S
     """The same drive by a network that differs in its numbers, or with other channels read."""
     inputs = Frame(recorded.step_s, recorded.features, recorded.boundaries)
     seen = tuple(o for o in recorded.observations if o.sensor.name in read)
-    temperatures, sd = initial_temperatures(network, replace(recorded, observations=seen), "testing")
+    start = filter_start(network, replace(recorded, observations=seen), "testing")
     channels = [reading_of(o, recorded) for o in seen]
-    open_loop = simulate(load_kernel(network), inputs, temperatures)
-    return Case(network, recorded, inputs, FilterStart(temperatures, sd), channels, open_loop)
+    open_loop = simulate(load_kernel(network), inputs, start.temperatures)
+    return Case(network, recorded, inputs, start, channels, open_loop)
 
 
 def estimates(case: Case, heat: Sequence[Unknown]) -> dict[str, tuple[Floats, Floats]]:
@@ -194,13 +202,18 @@ def delay_s(estimate: Floats, truth: Floats, step_s: float, most_s: float = 120.
     return float(max(range(-most, most + 1), key=together)) * step_s
 
 
-def paced(case: Case, asked: Unknown | None = None) -> list[Unknown]:
-    """What is asked for, a heat of the magnets if nothing else, and heats in other parts where a channel is read, with
-    the random walks that the readings ask for, as a replay has them."""
+def paced(case: Case, asked: Unknown | None = None, errors: Sequence[Unknown] = ()) -> list[Unknown]:
+    """What is asked for, a heat of the magnets if nothing else, heats in other parts where a channel is read, and
+    `errors` of the readings; with the random walks that the readings ask for."""
     losses = mean_losses(case.network, case.inputs, case.open_loop)
     asked = asked or unknown_heat("magnet", losses)
-    beside = heats_elsewhere(case.network, losses, [one.sensor for one in case.channels], [asked])
-    return at_their_paces(case.network, case.inputs, case.start, [asked], beside, case.channels)
+    heats = heats_elsewhere(case.network, losses, [one.sensor for one in case.channels], [asked])
+    return at_their_paces(case.network, case.inputs, case.start, [asked], [*heats, *errors], case.channels)
+
+
+def as_replayed(case: Case) -> list[Unknown]:
+    """The unknowns that a replay has."""
+    return paced(case, errors=reading_errors([one.sensor for one in case.channels]))
 
 
 def rows_of(seed: int, cycles: int) -> list[Row]:
@@ -208,12 +221,12 @@ def rows_of(seed: int, cycles: int) -> list[Row]:
     cycle = case_of(seed, drives.wltp(cycles), HIDDEN_W)
     ladder = drives.join("ladder", "s1", [drives.hold(rpm, 40.0, STEPS_MIN) for rpm in STEPS_RPM])
     ill, healthy = (case_of(seed, ladder, hidden_W) for hidden_W in (STEPS_W, 0.0))
-    heat = paced(ill)
+    heat = as_replayed(ill)
     with_it, without = estimates(ill, heat), estimates(healthy, heat)
     unread = with_network(cycle.recorded, cycle.network, ENDS)
-    from_ends = estimates(unread, paced(unread))
+    from_ends = estimates(unread, as_replayed(unread))
     rows = []
-    for name, (edges, _) in estimates(cycle, paced(cycle)).items():
+    for name, (edges, _) in estimates(cycle, as_replayed(cycle)).items():
         mean, largest = errors_K(cycle, edges)
         far, _ = errors_K(unread, from_ends[name][0])
         late, loss_late, wrong = delays(ill, *with_it[name], without[name][1])

@@ -15,8 +15,9 @@ term named first is a cooling of the rotor that grows with speed, which is what 
 named`: how often it is among those named.
 
 `recurrent` is an echo state network, `boosted` gradient-boosted trees, left out without scikit-learn. `rotor sensed`:
-error of the rotor by filter and smoother that read winding and stator, and how often the reading lies in the smoother's
-95 % band. `--no-diagnosis`: regressions and the published network alone, in minutes instead of an hour.
+error of the rotor by filter and smoother that read all other nodes, and by the open loop that begins as they do; and
+how often the reading lies in the smoother's 95 % band. `--no-diagnosis`: regressions and the published network alone,
+in minutes instead of an hour.
 """
 
 from __future__ import annotations
@@ -58,6 +59,7 @@ from replay.studies.diagnosis.kept_sessions import node_of
 from replay.studies.diagnosis.question import Question
 
 SENSED = "rotor"  # what no sensor of a product reads
+SENSED_BY = ("open_loop", "filter", "smoother", "coverage")  # what is said of it, of a `Sensed`
 
 Floats = NDArray[np.float64]
 Learn = Callable[[Sequence[Recording]], Regression]
@@ -171,11 +173,11 @@ def _row(name: str, columns: Sequence[Sequence[float]]) -> str:
 
 def sensed_table(found: Sequence[LeftOut]) -> list[str]:
     """The rotor from the stator's sensors alone, mean over the recordings."""
-    lines = [f"rotor sensed  {'filter':>14}{'smoother':>14}{'in 95 % band':>14}"]
+    lines = [f"rotor sensed  {'open loop':>14}{'filter':>14}{'smoother':>14}{'in 95 % band':>14}"]
     for way in found[0].rotor:
         own = [one.rotor[way] for one in found if way in one.rotor]
-        means = [np.mean([getattr(one, what) for one in own]) for what in ("filter", "smoother", "coverage")]
-        lines.append(f"{way:>14}{means[0]:>14.2f}{means[1]:>14.2f}{100 * means[2]:>12.0f} %")
+        means = [np.mean([getattr(one, what) for one in own]) for what in SENSED_BY]
+        lines.append(f"{way:>14}" + "".join(f"{mean:>14.2f}" for mean in means[:-1]) + f"{100 * means[-1]:>12.0f} %")
     return lines
 
 

@@ -30,9 +30,11 @@ BAND = 1.96  # standard deviations to 95 %
 
 @dataclass(frozen=True)
 class Sensed:
-    """Mean absolute errors of filter and smoother against the reading as recorded [K], and the share of the time in
-    which it lies within the smoother's 95 % band, the sensor's own error included."""
+    """Mean absolute errors of the open loop from the same start, of filter and of smoother against the reading as
+    recorded [K], and the share of the time in which it lies within the smoother's 95 % band, the sensor's own error
+    included."""
 
+    open_loop: float
     filter: float
     smoother: float
     coverage: float
@@ -47,26 +49,30 @@ def sensed(question: Question, version: Version, session: SessionRecorded, node:
     others = [o for o in frame.observations if o.sensor.followed != node]
     inputs = Frame(frame.step_s, frame.features, frame.boundaries)
     begun, _ = initial_temperatures(network, replace(frame, observations=tuple(others)), "testing")
-    losses = mean_losses(network, inputs, simulate(load_kernel(network), inputs, begun))
+    open_loop = simulate(load_kernel(network), inputs, begun)
+    losses = mean_losses(network, inputs, open_loop)
     found = filter_session(network, frame, losses, "testing", measured=[o.sensor.name for o in others])
     assert found is not None  # the motor has a rotor
-    return _against(_of(recorded, node), found, frame, network, node)
+    return _against(_of(recorded, node), open_loop, found, frame, network, node)
 
 
 def _of(frame: InputFrame, node: str) -> Observation:
     return next(o for o in frame.observations if o.sensor.followed == node)
 
 
-def _against(recorded: Observation, found: Estimated, frame: InputFrame, network: Network, node: str) -> Sensed:
+def _against(
+    recorded: Observation, open_loop: Floats, found: Estimated, frame: InputFrame, network: Network, node: str
+) -> Sensed:
     """An estimate against a reading as recorded."""
     nodes = tuple(n.name for n in network.nodes)
     own, there = _of(frame, node), recorded.good & frame.live
     assert found.smoothed is not None
-    filtered, smoothed = (
+    alone, filtered, smoothed = (
         (recorded.measured - modelled(own, frame, one, nodes))[there]
-        for one in (found.temperatures, found.smoothed.temperatures)
+        for one in (open_loop, found.temperatures, found.smoothed.temperatures)
     )
     sensor = own.sensor
     sd = np.hypot(found.smoothed_sd_K[1:, nodes.index(node)], np.hypot(sensor.noise, sensor.bias_sd))[there]
     inside = float(np.mean(np.abs(smoothed) <= BAND * sd))
-    return Sensed(float(np.abs(filtered).mean()), float(np.abs(smoothed).mean()), inside)
+    means = [float(np.abs(one).mean()) for one in (alone, filtered, smoothed)]
+    return Sensed(open_loop=means[0], filter=means[1], smoother=means[2], coverage=inside)

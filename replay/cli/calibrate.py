@@ -17,12 +17,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Answer:
+    from replay.cli.progress import tell
     from replay.engine.specimen.maps_left import maps_left
     from replay.show.verbs.calibration import calibration_text, free, moved
     from replay.studies.characterise.calibrate import calibrate_sessions, profiles
 
     with asked(args) as (store, known, model, sessions):
-        result = calibrate_sessions(store, known, sessions, model, args.level)
+        result = calibrate_sessions(store, known, sessions, model, args.level, tell=tell)
         event = result.event
         notes = maps_left(store, known, sessions, event.parent)
         data = {

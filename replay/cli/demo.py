@@ -1,4 +1,4 @@
-"""`whyhot demo`: from five real recordings to what the published model of that motor gets wrong."""
+"""`whyhot demo`: from eleven real recordings to what the published model of that motor gets wrong."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Answer:
+    from replay.cli.progress import tell
     from replay.demo.demo import run_demo
 
     folder = Path("demo")
-    done = run_demo(folder, Path(args.store) if args.store else folder / "store")
+    done = run_demo(folder, Path(args.store) if args.store else folder / "store", tell)
     return Answer({**done.data, "provenance": provenance(None)}, done.text, notes=done.notes)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -64,12 +64,14 @@ class Demo:
     notes: Sequence[str]
 
 
-def run_demo(folder: Path, store_folder: Path) -> Demo:
-    """Everything afresh under `folder`. Raises ReplayDataError where the examples are not installed."""
+def run_demo(folder: Path, store_folder: Path, tell: Callable[[str], None] = lambda _: None) -> Demo:
+    """Everything afresh under `folder`; `tell` hears what is being done. Raises ReplayDataError where the examples are
+    not installed."""
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as beside:  # two motors, two processors
         hidden = beside.submit(hidden_effect, folder)
         aged = beside.submit(insulation, folder)
-        real = _real_motor(folder, store_folder)
+        real = _real_motor(folder, store_folder, lambda line: tell(f"the real motor: {line}"))
+        tell("the simulated motor and the insulation, begun beside it")
         found, stators_and_fleet = hidden.result(), aged.result()
     second = [
         "",
@@ -87,7 +89,7 @@ def run_demo(folder: Path, store_folder: Path) -> Demo:
     return Demo("\n".join([real.text, *second]), data, real.notes)
 
 
-def _real_motor(folder: Path, store_folder: Path) -> Demo:
+def _real_motor(folder: Path, store_folder: Path, tell: Callable[[str], None]) -> Demo:
     """The first half: eleven recordings of a real motor."""
     motor = example("hust_motor")
     if store_folder == folder / "store":
@@ -95,15 +97,16 @@ def _real_motor(folder: Path, store_folder: Path) -> Demo:
     logs = sorted(motor.glob("*.csv.gz"), key=lambda path: int(path.name.split(".")[0].removeprefix("id_")))
     setup = prepare(logs, motor / "bench.toml", [], for_intake)
     with Store.open(store_folder, create=True, write=True) as store:
-        intake = take_in(store, logs, setup, Override())
-        outcomes = replay_sessions(store, intake.sessions, None, "testing")
+        intake = take_in(store, logs, setup, Override(), tell)
+        outcomes = replay_sessions(store, intake.sessions, None, "testing", tell=tell)
         store.ledger.seal()
         known = facts.at(store.ledger)
         names = [session.name for session in intake.sessions]
         report = folder / "report.html"
+        tell("drawing its report")
         runs = write_replay_report(store, known, names, report, "whyhot demo")
         picture(runs, folder / "picture")
-        diagnosis = _why(store, known, folder)
+        diagnosis = _why(store, known, folder, tell)
         summaries = [run.summary for run in runs]
         worst = max(summaries, key=lambda summary: max(summary.mae_K.values())).session_name
         shown = [*KEEP, *(name for name in (worst,) if name not in KEEP)]
@@ -129,10 +132,10 @@ def _real_motor(folder: Path, store_folder: Path) -> Demo:
     return Demo("\n".join(lines), data, [*refusals, *note])
 
 
-def _why(store: Store, known: facts.Facts, folder: Path) -> Diagnosis:
+def _why(store: Store, known: facts.Facts, folder: Path, tell: Callable[[str], None]) -> Diagnosis:
     train, kept = ([known.session(name) for name in names] for names in (LEARN, KEEP))
-    diagnosis = diagnose(store, known, train, kept, None, "testing").diagnosis
-    write_diagnosis(store, diagnosis, folder / "why_real_motor.html", "whyhot demo")
+    diagnosis = diagnose(store, known, train, kept, None, "testing", tell).diagnosis
+    write_diagnosis(store, diagnosis, folder / "why_real_motor.html", "whyhot demo", tell)
     return diagnosis
 
 

@@ -9,7 +9,7 @@ as wide as what the first mode leaves.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -69,17 +69,25 @@ class Calibration:
     outliers_s: Mapping[tuple[int, str], float]
 
 
-def calibrate(network: Network, tests: Sequence[Test], only: Container[str] | None = None) -> Calibration:
+def calibrate(
+    network: Network,
+    tests: Sequence[Test],
+    only: Container[str] | None = None,
+    tell: Callable[[str], None] = lambda _: None,
+) -> Calibration:
     """Fit a motor's coefficients and capacities to tests. Only parameters of the names in `only` move, all where it is
-    None.
+    None. `tell` hears what is being done.
 
     Raises `DivergedError` where the network's own run leaves the finite numbers.
     """
     model = Model(network, tests, freedom(network, tests, only))
+    tell(f"fitting {len(model.parameters)} numbers to {len(tests)} sessions")
     near = fit(model, np.zeros(len(model.parameters)), NEAR_ENOUGH, LINEARISATIONS)
     if marked := outliers(near):
+        tell("fitting without the readings that jump")
         model = Model(network, without(tests, marked), model.parameters)
         near = fit(model, near.beta, NEAR_ENOUGH, LINEARISATIONS)
+    tell("fitting under the noise that is left")
     found = fit(model.with_noise(widened_noise(near)), near.beta, linearisations=LINEARISATIONS)
     after = network_of(found, ())
     return Calibration(

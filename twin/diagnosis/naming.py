@@ -177,13 +177,14 @@ def _searched(
             break
         tell_next = _of_cause(len(accepted) + 2, tell)
         with_it = refined(best.fit, candidates, stated, tell_next)
+        best.fit.model.forget()
         if found.judged:
             rounds[-1] = again = rounds[-1].asked_again(best, with_it)
             if again.best is None or again.best.candidate is not best.candidate:
                 continue
         current = with_it
         accepted.append((best.candidate, best.parameter))
-        rounds[-1].forget()
+        rounds[-1].base.model.forget()
         tell_next("scoring")
         left = [c for c in candidates if c not in [a for a, _ in accepted]]
         rounds.append(with_refits(scored(current, left), tell_next, judging=found.judged))

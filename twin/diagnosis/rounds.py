@@ -138,10 +138,11 @@ class Round:
         return replace(self, refits=tuple(replace(r, left_out=said) if r is refit else r for r in self.refits))
 
     def forget(self) -> None:
-        """Let the columns of all fits but the best go: nothing follows from those."""
+        """Let the columns of all refits but the best go: hardly ever does anything follow from those."""
         best = self.best
-        for fitted in (self.base, *(r.fit for r in self.refits if r is not best)):
-            fitted.model.forget()
+        for refit in self.refits:
+            if refit is not best:
+                refit.fit.model.forget()
 
     def alone(self, candidate: Candidate) -> float:
         """ln BF of a candidate as the only term more: of its refit, or the linear one where it was not refitted; 0
@@ -212,35 +213,33 @@ def with_refits(found: Round, tell: Tell, other_start: Floats | None = None, jud
 
     def begun(number: int, one: _Leading) -> Refit | None:
         tell(f"refit {number} of {len(leading)}: {one[0].cause}")
-        return refitted(found.base, *one)
+        refit = refitted(found.base, *one)
+        return _left_out_asked(found.base, refit) if judging and refit else refit
 
     with ThreadPoolExecutor(2) as pool:
         first = list(pool.map(begun, range(1, len(leading) + 1), leading))
         refits = [r for r in first if r is not None]
         while True:
             best = max((r.promised for r in refits if r.possible), default=0.0)
-            further = [not r.ended and (judging or r.promised > best - OUT_OF_REACH) for r in refits]
+            further = [not r.ended and r.promised > best - OUT_OF_REACH for r in refits]
             if not any(further):
                 break
             tell(f"going on with {sum(further)} refits")
             refits = list(pool.map(lambda r, on: _went_on(found.base, r) if on else r, refits, further))
     lost = [str(candidate.cause) for (candidate, *_), refit in zip(leading, first, strict=True) if refit is None]
     found = replace(found, refits=_each_once(refits), dropped=(*found.dropped, *lost))
-    return judged(found, tell) if judging else found
+    found.forget()
+    return replace(found, left_out=left_out(found.base)) if judging else found
 
 
-def judged(found: Round, tell: Tell = lambda _: None) -> Round:
-    """The round with what sessions left out say of its base and of every refit that evidence would let in."""
-
-    def said(number: int, refit: Refit) -> Refit:
-        tell(f"leaving out sessions, {number} of {len(found.refits)}: {refit.candidate.cause}")
-        if refit.log_bayes_factor <= EVIDENT:
-            return refit
-        return replace(refit, left_out=left_out(refit.fit, _misread(refit)))
-
-    return replace(
-        found, refits=tuple(map(said, range(1, len(found.refits) + 1), found.refits)), left_out=left_out(found.base)
-    )
+def _left_out_asked(base: Fit, begun: Refit) -> Refit:
+    """The refit at its end, with what sessions left out say of it if evidence would let it in. Its columns go: those of
+    so many refits are more than a small machine holds."""
+    refit = begun if begun.ended else _went_on(base, begun)
+    if refit.log_bayes_factor > EVIDENT:
+        refit = replace(refit, left_out=left_out(refit.fit, _misread(refit)))
+    refit.fit.model.forget()
+    return refit
 
 
 def _misread(refit: Refit) -> int | None:

@@ -10,8 +10,8 @@ sensor that is no unknown is taken for temperature, and so for heat.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +22,7 @@ from twin.compiled.laws import Law
 from twin.compiled.once import once_a_network
 from twin.errors import FrameError
 from twin.filters.plan import Parts
-from twin.filters.unknowns import Unknown, node_place, places, variances
+from twin.filters.unknowns import Unknown, UnknownBias, node_place, places, variances
 from twin.motor.check import check
 from twin.motor.network import NOBODY, Network
 from twin.motor.outputs import lag_factors
@@ -73,11 +73,16 @@ AnyReading = Reading | HeatReading
 @dataclass(frozen=True)
 class FilterStart:
     """What is known at the first edge: temperatures (n,) [degC] of the nodes with their standard deviations (n,) [K].
-    `walk_K` [K / sqrt(s)]: the random walk of every node between steps that the network's form leaves open."""
+    `walk_K` [K / sqrt(s)]: the random walk of every node between steps that the network's form leaves open.
+
+    `by_reading`: channel -> what 1 K of its reading added to the temperatures (n,) [K/K], where they were set by
+    readings. An `UnknownBias` of that channel is in them too; `sd` is what stays open where all readings are right.
+    """
 
     temperatures: Floats
     sd: Floats
     walk_K: float = TEMPERATURE_K_PER_SQRT_S
+    by_reading: Mapping[str, Floats] = field(default_factory=dict)
 
 
 class Given(NamedTuple):
@@ -140,7 +145,7 @@ def inputs_of(
     sensors = [r for r in readings if isinstance(r, Reading)]
     meters = [r for r in readings if isinstance(r, HeatReading)]
     parts, order, at_start = _parts(network, motor, frame.step_s, start, unknowns, sensors, meters)
-    x, covariance = _at_the_start(parts, start, at_start)
+    x, covariance = _at_the_start(parts, start, [unknowns[i] for i in order], at_start)
     steps = len(frame.features)
     every: list[AnyReading] = [*sensors, *meters]
     values = _columns([r.value for r in every], steps)
@@ -254,15 +259,23 @@ def _signs(network: Network, laws: Sequence[Law], meters: Sequence[HeatReading])
     return np.array(rows, dtype=np.float64).reshape(-1, len(laws))
 
 
-def _at_the_start(parts: Parts, start: FilterStart, unknown: Sequence[float]) -> tuple[Floats, Floats]:
-    """State (S,) and covariance (S, S) at the first edge: unknowns 0, and sensors in equilibrium but for
-    `READING_SD_K`."""
+def _at_the_start(
+    parts: Parts, start: FilterStart, unknowns: Sequence[Unknown], at_start: Sequence[float]
+) -> tuple[Floats, Floats]:
+    """State (S,) and covariance (S, S) at the first edge: `unknowns` 0, with variances `at_start`, and sensors in
+    equilibrium but for `READING_SD_K`. What a channel reads too much, the temperatures that it set are too high by."""
     n, sought, size = parts.program.n, parts.sought, len(parts.process)
     onto, own = np.zeros((size, sought)), np.zeros(size)  # temperatures and unknowns -> state
     onto[:sought] = np.eye(sought)
-    onto[sought:, :n], own[sought:] = parts.weights[parts.state >= 0], READING_SD_K**2
+    for i, unknown in enumerate(unknowns):
+        if isinstance(unknown, UnknownBias) and unknown.channel in start.by_reading:
+            onto[:n, n + i] = -start.by_reading[unknown.channel]
+    onto[sought:], own[sought:] = parts.weights[parts.state >= 0] @ onto[:n], READING_SD_K**2
     x = onto @ np.append(start.temperatures, np.zeros(sought - n))
-    return x, (onto * np.append(start.sd**2, unknown)) @ onto.T + np.diag(own)
+    covariance = np.diag(own)
+    for column, variance in zip(onto.T, [*start.sd**2, *at_start], strict=True):  # BLAS adds in the processor's order
+        covariance += variance * np.outer(column, column)
+    return x, covariance
 
 
 def _columns(values: Sequence[Floats], steps: int) -> Floats:

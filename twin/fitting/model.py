@@ -64,8 +64,13 @@ class Model:
         self.parameters = tuple(parameters)
         self.noise = dict(noise or {})
         self._known = known  # the last linearisation: noise does not matter to it, and more parameters only add to it
-        # what the marches hold depends neither on noise nor on priors
-        self._marches = marches or [_March(network, test, self.parameters, s) for s, test in enumerate(self.tests)]
+        self._made = marches  # what they hold depends neither on noise nor on priors
+
+    @property
+    def _marches(self) -> Sequence[_March]:
+        if self._made is None:
+            self._made = [_March(self.network, test, self.parameters, s) for s, test in enumerate(self.tests)]
+        return self._made
 
     @cached_property
     def sd(self) -> Floats:
@@ -128,12 +133,13 @@ class Model:
                     of_test.setdefault(part.series.session, []).append(part)
                 found = self._each(lambda s: self._beside(of_test[s], s, size, beta, extra))
                 parts = [part for own in found for part in own]
-        self._known = beta.copy(), [replace(part, extra=part.extra[:, :0]) for part in parts]
+        self._known = beta.copy(), [replace(part, extra=np.empty((len(part.extra), 0))) for part in parts]
         return parts
 
     def forget(self) -> None:
-        """Let the columns of the last linearisation go: they are most of what a model keeps."""
-        self._known = None
+        """Let the columns of the last linearisation go, and what runs the tests: that is most of what a model keeps.
+        Both are made anew where they are asked for."""
+        self._known = self._made = None
 
     def _already(self, beta: Floats) -> Known | None:
         """The last linearisation, if it was here with parameters since added at zero."""
@@ -220,7 +226,9 @@ class _March:
         for one, moved, others in zip(readings, through, on_channel, strict=True):
             for j, column in one.columns(others):
                 moved[:, j] += column
-            result.append(Columns(one.series(), places, moved[:, : len(at)], moved[:, len(at) :]))
+            columns, beside = moved[:, : len(at)], moved[:, len(at) :]
+            # what the model keeps must not hold the others too
+            result.append(Columns(one.series(), places, columns.copy() if extra else columns, beside))
         return result
 
 

@@ -20,7 +20,7 @@ from replay.engine.frame.observations import Meter, Observation
 from replay.engine.results.heat_readings import heat_readings
 from replay.engine.results.hot_spot_bands import smoothed_spots
 from replay.engine.results.kernel_cache import load_kernel
-from replay.engine.results.open_loop import initial_temperatures, modelled, referenced
+from replay.engine.results.open_loop import initial_by_reading, initial_temperatures, modelled, referenced
 from replay.engine.results.run import Filtered, Smoothed
 from replay.engine.results.summary import EstimatedHeat, FilterSummary, FoundUnknown, HeatAtNode, SmoothedSpot
 from twin.filters.ekf import Estimate, at_their_pace
@@ -42,6 +42,7 @@ LEAST_LOSS_W = 1.0  # of a motor at rest: the sizes of unknown heats follow its 
 LEAST_SHARE = 0.05  # of the loss of the whole network: no unknown heat is smaller, however little its node has
 UNREAD_SHARE = 0.2  # of an unknown's size, in a part of the motor that nothing reads
 HEAT_WALK_SHARE = 0.001  # of an unknown heat's random walk per root of a second, of its size: where the search begins
+ERROR_WANDERS_S = 3600.0  # in which a thermometer's error, such as of its place in a lump, wanders by its own size
 MOST_FACTOR_SD = 0.7  # of the logarithm of what multiplies a loss: a factor of two
 NOTHING_ASKED: Mapping[str, Unknown] = {}
 
@@ -90,15 +91,16 @@ def filter_session(
     if node is None or not (seen or meters) or len(network.nodes) > MOST_NODES:
         return None
     inputs = Frame(step_s=frame.step_s, features=frame.features, boundaries=frame.boundaries)
-    temperatures, sd = initial_temperatures(network, replace(frame, observations=seen), level)
-    start = FilterStart(temperatures, sd)
+    begun = replace(frame, observations=seen)
+    temperatures, sd = initial_temperatures(network, begun, level)
+    start = filter_start(network, begun, level)
     own = own if said else [unknown_loss(network, node, losses), *own]
     sensors = [o.sensor for o in seen]
     of_form = [] if len(chosen) > len(meters) else heats_elsewhere(network, losses, sensors, own)
     begins = {n.name: (float(t), float(s)) for n, t, s in zip(network.nodes, temperatures, sd, strict=True)}
     converted = [_as_thermometer(m, begins) for m in meters]
     readings = [reading_of(o, frame) for o in (*seen, *(o for o, _ in converted))]
-    errors = [UnknownBias(o.sensor.name, sd_K) for o, sd_K in converted]
+    errors = [*reading_errors(sensors, own), *(UnknownBias(o.sensor.name, sd_K) for o, sd_K in converted)]
     unknowns = at_their_paces(network, inputs, start, own, [*of_form, *errors], readings)
     paced = unknowns[0]
     assert not isinstance(paced, UnknownBias)  # a loss is first
@@ -134,7 +136,7 @@ def filter_session(
         heat_walk_W=paced.walk_W if isinstance(paced, UnknownHeat) else paced.walk * float(nominal.mean()),
         nis=replace(estimate, innovations=innovations, variances=variances).nis,
         smoothed=Smoothed(smooth.temperatures, smooth_W, smooth_sd_W),
-        spots=smoothed_spots(network, frame, smooth.temperatures, smooth.temperatures_sd),
+        spots=smoothed_spots(network, frame, smooth.temperatures, smooth.temperatures_sd, channels),
         asked=[_found(cause, one, smooth.found[:-1, i], smooth.found_sd[:-1, i]) for (cause, one), i in found],
     )
 
@@ -231,6 +233,21 @@ def heats_elsewhere(
     part, taken = _parts(network), {part for one in asked for part in _about(network, one, sensors)}
     read = dict.fromkeys(one.followed for one in sensors if one.followed is not None)
     return [unknown_heat(node, losses) for node in read if part[node] not in taken]
+
+
+def reading_errors(sensors: Sequence[Sensor], asked: Sequence[Unknown] = ()) -> list[UnknownBias]:
+    """What each of these thermometers reads too much: within its `bias_sd` at the start, and wandering by as much in
+    `ERROR_WANDERS_S`; but for those whose error is `asked` for."""
+    taken = {one.channel for one in asked if isinstance(one, UnknownBias)}
+    wrong = [one for one in sensors if one.bias_sd > 0 and one.name not in taken]
+    return [UnknownBias(one.name, one.bias_sd, one.bias_sd / np.sqrt(ERROR_WANDERS_S)) for one in wrong]
+
+
+def filter_start(network: Network, frame: InputFrame, level: str) -> FilterStart:
+    """Where a filter of the frame's thermometers begins: at `initial_temperatures`, which their errors are in."""
+    right = [replace(o, sensor=replace(o.sensor, bias_sd=0.0)) for o in frame.observations]
+    temperatures, sd = initial_temperatures(network, replace(frame, observations=tuple(right)), level)
+    return FilterStart(temperatures, sd, by_reading=initial_by_reading(network, frame, level))
 
 
 def at_their_paces(

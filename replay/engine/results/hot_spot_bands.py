@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 import pyarrow as pa
@@ -85,11 +85,13 @@ def _band(spot: HotSpot, sd_K: float) -> list[float]:
     return [spot.max_degC - Z95 * sd_K, spot.max_degC + Z95 * sd_K]
 
 
-def smoothed_spots(network: Network, frame: InputFrame, temperatures: Floats, sd: Floats) -> dict[str, SmoothedSpot]:
-    """The hot spots by a smoother's `temperatures` with their own `sd` (N + 1, n). The `sd_K` of a spot is the root of
-    the sum of squares of the smoother's own, how far it is off the channels that follow the node, and what these may
-    read too much (`bias_sd`). None without such a channel: a smoother's own holds noise and random walks alone, and was
-    4 to 8 times too small at magnets."""
+def smoothed_spots(
+    network: Network, frame: InputFrame, temperatures: Floats, sd: Floats, read: Collection[str]
+) -> dict[str, SmoothedSpot]:
+    """The hot spots by a smoother's `temperatures` with their own `sd` (N + 1, n), from the channels in `read`. The
+    `sd_K` of a spot is the root of the sum of squares of the smoother's own, how far it is off the channels that follow
+    the node, and what those that it did not read may read too much (`bias_sd`). None without such a channel: a
+    smoother's own holds errors of readings and random walks alone, and was 4 to 8 times too small at magnets."""
     nodes = tuple(node.name for node in network.nodes)
     found: dict[str, SmoothedSpot] = {}
     for spot, one in hot_spots(network, temperatures, frame.step_s).items():
@@ -98,7 +100,8 @@ def smoothed_spots(network: Network, frame: InputFrame, temperatures: Floats, sd
         if there:
             off = [(o.measured - modelled(o, frame, temperatures, nodes))[o.good & frame.live] for o in there]
             own = sd[round(one.at_s / frame.step_s), nodes.index(one.node)]
-            wrong = np.mean([o.sensor.bias_sd**2 + np.mean(k**2) for o, k in zip(there, off, strict=True)])
+            bias_sd = [0.0 if o.sensor.name in read else o.sensor.bias_sd for o in there]
+            wrong = np.mean([b**2 + np.mean(k**2) for b, k in zip(bias_sd, off, strict=True)])
             whole = float(np.sqrt(own**2 + wrong))
         found[spot] = SmoothedSpot(
             **vars(one),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import Any
@@ -53,6 +53,7 @@ def calibrate_sessions(
     model: str | None,
     level: str,
     only: Sequence[str] | None = None,
+    tell: Callable[[str], None] = lambda _: None,
 ) -> CalibrationResult:
     """Estimate coefficients and capacities of `model` (None: the one that the sessions' bench files name) from
     sessions; only those named in `only`, where it is given.
@@ -67,12 +68,14 @@ def calibrate_sessions(
     old = [of_specimen(store, facts, one, network_of(store, facts, one, parent)) for one in sessions]
     rigs = [session.configuration for session in sessions]
     united = United(read_motor(data, name), rigs)
-    network, tests = united.network, []
+    network = united.network
+    tests: list[Test] = []
     for session, rig, its in zip(sessions, rigs, old, strict=True):
+        tell(f"reading {len(tests) + 1} of {len(sessions)}: {session.name}")
         test = test_of(store, facts, session, its.network, (), level, meters=True)
         tests.append(united.test(test, rig, its.factors))
     with fitting(f"calibration of {network.name}"):
-        found = calibrate(network, tests, only)
+        found = calibrate(network, tests, only, tell)
     named_estimates = zip(found.estimates, united.names, strict=True)
     result = replace(found, estimates=tuple(replace(one, name=called) for one, called in named_estimates))
     key = _key(facts, sessions, parent, level, only)

@@ -29,9 +29,11 @@ from replay.engine.frame.frame_of import session_frame
 from replay.engine.frame.observations import Observation
 from replay.engine.results.filtered import (
     at_their_paces,
+    filter_start,
     heats_elsewhere,
     is_read,
     mean_losses,
+    reading_errors,
     reading_of,
     uncertain_node,
     unknown_loss,
@@ -39,7 +41,7 @@ from replay.engine.results.filtered import (
 )
 from replay.engine.results.hot_spots import nodes_of
 from replay.engine.results.kernel_cache import load_kernel
-from replay.engine.results.open_loop import initial_temperatures, modelled
+from replay.engine.results.open_loop import modelled
 from replay.engine.specimen.aged import of_specimen
 from replay.errors import ReplayDataError
 from replay.studies.characterise.calibrate import common_model
@@ -147,16 +149,16 @@ class _Recorded:
         return next((o for o in self.frame.observations if o.sensor.name == channel), None)
 
     def unknown(self, seen: Sequence[Observation]) -> list[Unknown]:
-        """What a filter of these readings seeks: the loss, and heats where it reads."""
+        """What a filter of these readings seeks: the loss, heats where it reads, and what it reads too much."""
         sensors = [o.sensor for o in seen]
         loss, *heats = self.unknowns
         loss = loss if is_read(self.network, self.asked, sensors) else unread(self.asked)
         read = {one.followed for one in sensors}
-        return [loss, *(heat for heat in heats if heat.name in read)]
+        return [loss, *(heat for heat in heats if heat.name in read), *reading_errors(sensors)]
 
     def start(self, seen: Sequence[Observation]) -> FilterStart:
         frame = replace(self.frame, observations=tuple(seen))
-        return FilterStart(*initial_temperatures(self.network, frame, "testing"))
+        return filter_start(self.network, frame, "testing")
 
 
 def sensors_worth(
@@ -207,15 +209,16 @@ def _recorded(store: Store, facts: Facts, session: SessionRecorded, model: str) 
     network = specimen.network
     frame = session_frame(session, load(store, facts, session), network, specimen.hours)
     inputs = Frame(frame.step_s, frame.features, frame.boundaries)
-    temperatures, sd = initial_temperatures(network, frame, "testing")
-    open_loop = simulate(load_kernel(network), inputs, temperatures)
+    start = filter_start(network, frame, "testing")
+    open_loop = simulate(load_kernel(network), inputs, start.temperatures)
     losses = mean_losses(network, inputs, open_loop)
     node = uncertain_node(network, losses) or max(losses, key=lambda name: losses[name])
     readings = [reading_of(o, frame) for o in frame.observations]
     asked = unknown_loss(network, node, losses)
-    beside = heats_elsewhere(network, losses, [o.sensor for o in frame.observations], [asked])
-    unknowns = at_their_paces(network, inputs, FilterStart(temperatures, sd), [asked], beside, readings)
-    return _Recorded(network, frame, inputs, node, asked, unknowns, open_loop)
+    sensors = [o.sensor for o in frame.observations]
+    heats, errors = heats_elsewhere(network, losses, sensors, [asked]), reading_errors(sensors)
+    unknowns = at_their_paces(network, inputs, start, [asked], [*heats, *errors], readings)
+    return _Recorded(network, frame, inputs, node, asked, unknowns[: 1 + len(heats)], open_loop)
 
 
 def _filtered(one: _Recorded, seen: Sequence[str]) -> tuple[Floats, Floats]:

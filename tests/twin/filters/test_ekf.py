@@ -121,6 +121,23 @@ def test_it_agrees_with_filterpy_to_rounding(unknowns: tuple[Unknown, ...], netw
     assert far.sd_K < 1e-7
 
 
+def test_a_reading_that_set_the_start_is_no_news_of_its_own_error(network: Network, inputs: Frame) -> None:
+    nodes, share = [node.name for node in network.nodes], np.zeros(len(network.nodes))
+    share[[nodes.index("teeth"), nodes.index("yoke")]] = 1.0, 0.5  # the yoke is interpolated from it
+    steps, sd, noise = len(inputs.features), 0.3, 0.1
+    begin = replace(start(network, sd), by_reading={"teeth": share})
+    channel = Reading(Sensor("teeth", {"teeth": 1.0}), np.full(steps, 65.0), np.ones(steps), np.full(steps, noise**2))
+    given = inputs_of(network, inputs, begin, [UnknownBias("teeth", 2.0)], [channel])
+    drawn = np.random.default_rng(4).normal(size=(200_000, len(nodes) + 1)) * [*begin.sd, 2.0]
+    drawn[:, :-1] -= share * drawn[:, -1:]  # as much too cold as it reads too much
+    np.testing.assert_allclose(given.covariance, np.cov(drawn.T), atol=0.05)
+    expected = {"once": sd**2 + 0.1**2 * inputs.step_s + noise**2}
+    expected["twice"] = expected["once"] + 2.0**2
+    for begun, many in ((begin, "once"), (start(network, sd), "twice")):
+        found = filter_unknowns(network, inputs, begun, [UnknownBias("teeth", 2.0)], [channel])
+        assert found.variances[0, 0] == pytest.approx(expected[many], rel=0.05)
+
+
 def test_with_a_meter_of_losses_beside_it_agrees_with_filterpy_to_rounding(network: Network, inputs: Frame) -> None:
     steps = 200
     inputs = Frame(inputs.step_s, inputs.features[:steps], inputs.boundaries[:steps])

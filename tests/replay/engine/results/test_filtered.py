@@ -331,7 +331,7 @@ def test_a_power_meter_that_is_wrong_does_not_move_the_magnets(hidden: Replayed,
     assert found.measured == ("EW_A_inner", "EW_B_inner", "RS", "METER")
     magnet = hidden.run.nodes.index("magnet")
     apart = np.abs(found.temperatures - filtered(hidden.run).temperatures)[:, magnet]
-    assert apart.mean() < 0.2
+    assert apart.mean() < 0.3, "as much as by a meter that is right"
 
 
 def test_a_power_meter_that_is_sure_finds_the_loss_where_no_thermometer_is_near(hidden: Replayed) -> None:
@@ -367,6 +367,26 @@ def test_a_rotor_that_nothing_reads_is_little_further_off_than_by_the_open_loop(
     open_loop = {one.channel: one.mae_K for one in hidden.run.summary.channels}
     for channel in ("MAG", "RS"):
         assert off[channel] < 1.25 * open_loop[channel], (off, open_loop)
+
+
+def test_a_thermometer_that_is_off_within_its_bias_sd_moves_a_rotor_that_nothing_reads_less(hidden: Replayed) -> None:
+    """It was heat that flows from the rotor."""
+    ends, magnet = ["EW_A_inner", "EW_B_inner"], hidden.run.nodes.index("magnet")
+
+    def moved(bias_sd: float) -> float:
+        found = []
+        for wrong_K in (0.0, 1.0):
+            seen = []
+            for o in hidden.frame.observations:
+                sensor = replace(o.sensor, bias_sd=bias_sd)
+                seen.append(replace(o, sensor=sensor, measured=o.measured + wrong_K * (o.sensor.name == ends[0])))
+            frame = replace(hidden.frame, observations=tuple(seen))
+            estimate = filter_session(hidden.network, frame, losses(hidden), "testing", measured=ends)
+            assert estimate is not None
+            found.append(estimate.temperatures[-1200:, magnet])
+        return float(np.abs(found[1] - found[0]).mean())
+
+    assert moved(1.0) < 0.5 * moved(0.0)
 
 
 def test_the_summary_says_the_loss_in_a_few_numbers(hidden: Replayed) -> None:
