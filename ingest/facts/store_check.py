@@ -47,7 +47,8 @@ class Damage:
 class StoreCheck:
     """What a check found. `hints`: what is no damage but good to know, one line each. `whole`: what ("sealed files")
     -> how many are as they were written, and of how many; `sessions`: names of those that no damage affects. `head`:
-    None where the ledger is damaged. `is_backup`: it holds no decoded file, as a backup does."""
+    None where the ledger is damaged. `is_backup`: it holds no decoded file, as a backup does. `tell` hears which file
+    is being looked at."""
 
     damages: list[Damage] = field(default_factory=list)
     hints: list[str] = field(default_factory=list)
@@ -55,6 +56,7 @@ class StoreCheck:
     sessions: list[str] = field(default_factory=list)
     head: Head | None = None
     is_backup: bool = False
+    tell: Callable[[str], None] = field(default=lambda _: None, repr=False, compare=False)
 
     def twice(self, path: Place, look: Callable[[], str | None]) -> str | None:
         """What `look` finds at `path`, where it finds something a second time too; else that is a hint."""
@@ -68,13 +70,20 @@ class StoreCheck:
         return None
 
 
-def check(store: Store, read: bool = True, since: Head | None = None, workers: Workers | None = None) -> StoreCheck:
+def check(
+    store: Store,
+    read: bool = True,
+    since: Head | None = None,
+    workers: Workers | None = None,
+    tell: Callable[[str], None] = lambda _: None,
+) -> StoreCheck:
     """Check the ledger of `store` and all that it cites; with `read` every sealed byte and product is hashed again, by
-    `workers` first, and what they do not find whole in this process.
+    `workers` first, and what they do not find whole in this process. `tell` hears what is being done.
 
     `since` is a head that was noted down before.
     """
-    found, place = StoreCheck(), store.ledger.place
+    found, place = StoreCheck(tell=tell), store.ledger.place
+    tell("checking every event of the ledger")
     seen = _audited(store, since)
     if seen.findings:
         if isinstance(place, SqliteFile):
@@ -206,7 +215,8 @@ def _check_sealed(
     whole: Collection[tuple[str, str]],
 ) -> None:
     names, bad = sorted({*archive, *files}), 0
-    for sha256 in names:
+    for number, sha256 in enumerate(names, 1):
+        found.tell(f"checking sealed file {number:,} of {len(names):,}: {sha256[:12]}")
         path = archive.folder / sha256[:2] / sha256
         if (_sealed(sha256), sha256) in whole:
             continue
@@ -228,11 +238,13 @@ def _check_products(
     """A product that is missing is a hint: it is made again; one that is not what the decode gave is damage. Where
     all are missing, that is one hint."""
     count = bad = 0
+    every = sum(len(decode.products) for decode in decodes)
     missing: list[str] = []
     for decode in decodes:
         for name, sha256 in decode.products.items():
             path = folder / "decoded" / decode.decode / Path(name).name
             count += 1
+            found.tell(f"checking decoded file {count:,} of {every:,}: {path.name}")
             if (_product(decode, name), sha256) in whole:
                 continue
             says: str | None = None

@@ -31,13 +31,14 @@ def run(args: argparse.Namespace) -> Answer:
     from ingest.errors import LedgerError, ServerError
     from ingest.facts import store_check
     from ingest.facts.store import Store
+    from replay.cli.progress import tell
 
     folder, since, workers = store_folder(args), _head(args.since), workers_of(args)
     if workers and not args.read:
         raise ReplayDataError("--workers and --scheduler read sealed files and products: give --read too.")
     try:
         with Store.open(folder) as store:
-            found = store_check.check(store, args.read, since, workers)
+            found = store_check.check(store, args.read, since, workers, tell)
     except ServerError:
         raise
     except LedgerError as error:
