@@ -12,6 +12,7 @@ from ingest.texts.nearest import hint
 
 LEAST = 4  # characters of an id
 SHORT = 12
+LISTED = ' `whyhot sessions` lists sessions, `whyhot sql "SELECT name FROM files"` logs'
 
 
 class NamedFact(NamedTuple):
@@ -51,7 +52,7 @@ def find(facts: Facts, text: str) -> NamedFact:
     if session := _session(facts, text):
         return session
     gone = [line for line in (_gone(facts, text), facts.taken_back(text), _other(facts, text)) if line]
-    near = hint(text, [one.name for one in there])
+    near = hint(text, [one.name for one in there]) or LISTED
     raise CorrectionError(gone[0] if gone else f"{text}: is not in this store.{near}")
 
 

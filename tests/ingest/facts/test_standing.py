@@ -138,6 +138,7 @@ def test_what_a_person_names_is_found_by_name_and_by_id(text: str, stream: str) 
     ("text", "line"),
     [
         ("1_s2.blf", "1_s2.blf: is not in this store. Nearest: "),
+        ("qqqqq", "qqqqq: is not in this store. `whyhot sessions` lists sessions, "),
         ("2_s2.blf", "log 2_s2.blf was taken back on 2026-01-07 .a mistake.: "),
         ("2_s2", "log 2_s2.blf was taken back on 2026-01-07 .a mistake.: "),
         ("aaaa", "aaaa: is more than one: session aaaa1, session aaaa9: give its id"),
