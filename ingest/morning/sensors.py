@@ -27,6 +27,7 @@ from ingest.catalogue.quality import ChannelQuality, findings, seconds
 from ingest.facts.events import QualityFlagged
 from ingest.morning.differences import BIAS_K, ChannelDifference, is_around
 from ingest.morning.jumps import jumps_together
+from ingest.texts.times import clock
 
 POSSIBLE_degC = (-80.0, 600.0)  # colder and hotter than any bench and its winding
 WHOLE = 0.9  # of a session: who stays for so long at one value never told anything
@@ -130,9 +131,8 @@ def jumping(channels: Sequence[ChannelData]) -> list[SensorFault]:
         return []
     jumps, names = len(found.at_s), ", ".join(found.channels)
     sizes = " to ".join(dict.fromkeys(f"{size:.1f}" for size in (found.size_K.min(), found.size_K.max())))
-    minutes, second = divmod(int(found.at_s[0]), 60)
     standing = f", {found.standing} of them while the motor stands" if found.standing else ""
-    at = f"{minutes // 60}:{minutes % 60:02}:{second:02}"
+    at = clock(found.at_s[0])
     says = (
         f"{len(found.channels)} thermometers jump together by {sizes} K (jumps: {jumps}{standing}; the first at {at}):"
         f" heat cannot do that, but an inverter, a ground or an amplifier can ({names})"

@@ -20,6 +20,7 @@ from matplotlib.textpath import TextPath
 from numpy.typing import NDArray
 
 from ingest.texts.quantities import column_suffix
+from ingest.texts.times import clock
 from replay.engine.results.run import Run
 from replay.show.plots.compare import MODELS
 from replay.show.plots.error_maps import residual_colours
@@ -102,7 +103,7 @@ def course_of(run: Run, network: Network) -> CutCourse | None:
     frame = Frame(1.0, _means(evaluate(columns, u | hours, steps)), _means(boundaries))
     ends = np.linspace(0, (run.t_ns[-1] - run.t_ns[0]) / 1e9, INSTANTS + 1)
     return CutCourse(
-        [words.clock(float(t)) for t in (ends[1:] + ends[:-1]) / 2],
+        [clock(float(t)) for t in (ends[1:] + ends[:-1]) / 2],
         {node: np.array(means).mean(axis=0) for node, means in left.items()},
         flows_between(network, frame, _means(temperatures)),
     )

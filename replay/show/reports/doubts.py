@@ -3,6 +3,7 @@ other, and what so few of them cannot say."""
 
 from __future__ import annotations
 
+from ingest.texts.times import clock
 from replay.show.reports import verdict
 from replay.show.words import words
 from replay.studies.diagnosis.answer import Contradicting, Diagnosis
@@ -19,7 +20,7 @@ def _contradiction(diagnosis: Diagnosis, one: Contradicting) -> str:
     """ "1_s1 (0:40:00) and 3_s1 (0:40:00) ran alike at 6,000 rpm and at 100 A, but T_YOKE (yoke) reads 8.0 K less in
     the first, where 0.8 K (sd) is usual: ..."."""
     first, second = (
-        f"{verdict.session_name(diagnosis, session)} ({words.clock(t_s)})"
+        f"{verdict.session_name(diagnosis, session)} ({clock(t_s)})"
         for session, t_s in zip(one.sessions, one.t_s, strict=True)
     )
     place = words.where({name: [value, value] for name, value in one.at.items()})

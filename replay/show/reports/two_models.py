@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
+from ingest.texts.times import clock
 from replay.show.reports import kept_errors, verdict
 from replay.show.words import words
 from replay.studies.diagnosis.answer import Diagnosis, KeptGain, Telling, TwoModels
@@ -108,7 +109,7 @@ def _inside(diagnosis: Diagnosis, found: TwoModels) -> str:
     one, where = found.inside[0], "kept sessions" if found.over_kept else "sessions learnt from"
     if one.mean_K < TOLD_K:
         return f"at nodes without a sensor the two agree within {words.kelvin(TOLD_K)} in the mean of the {where}"
-    at = f"{verdict.session_name(diagnosis, one.session)} {words.clock(one.t_s)}"
+    at = f"{verdict.session_name(diagnosis, one.session)} {clock(one.t_s)}"
     apart = f"{words.kelvin(one.mean_K)} in the mean of the {where}, {words.kelvin(one.max_K)} at most ({at})"
     return f"of the nodes without a sensor they differ most at {words.name(one.node)}: {apart}"
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
 
+from ingest.texts.times import clock
 from replay.show.reports import kept_errors
 from replay.show.words import words
 from replay.studies.diagnosis.answer import Diagnosis, EvidenceParts, Named, Shown, UnnamedHeat
@@ -155,7 +156,7 @@ def effect(diagnosis: Diagnosis, cause: Named) -> str:
     how_much = f"{size(cause)}; " if size(cause) else ""
     if not cause.largest_effect_session:
         return f"{how_much}a fault of the record: no term of the model"
-    at = f"{session_name(diagnosis, cause.largest_effect_session)} {words.clock(cause.largest_effect_t_s)}"
+    at = f"{session_name(diagnosis, cause.largest_effect_session)} {clock(cause.largest_effect_t_s)}"
     node = words.name(cause.largest_effect_node)
     more = f"; {cause.times_usual:.0f} times as large as such a cause usually is" * (cause.times_usual > UNUSUAL)
     return f"{how_much}{typical}largest effect {words.signed_kelvin(cause.largest_effect_K)} at the {node}, {at}{more}"

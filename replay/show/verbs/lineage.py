@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+from ingest.texts.times import clock
 from replay.show.words.terminal import labelled
-from replay.show.words.words import clock, signed_kelvin
+from replay.show.words.words import signed_kelvin
 
 if TYPE_CHECKING:
     from ingest.facts.lineage import FactLink

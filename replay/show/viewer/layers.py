@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.catalogue.channels import ChannelData
+from ingest.texts.times import clock
 from replay.engine.results.run import Run
 from replay.show.viewer import beside, blueprint
 from replay.show.viewer.layer_file import LayerFile
@@ -122,7 +123,7 @@ def _events(to: LayerFile, run: Run) -> None:
         for i in np.flatnonzero(np.diff(over.astype(int)) > 0).tolist():
             events.append((int(run.t_ns[i + 1]), f"{words.name(node)} above its limit of {limit:g} °C"))
     begin = int(run.t_ns[0])
-    to.log_texts("event", [(at, f"{words.clock((at - begin) / 1e9)}  {says}") for at, says in sorted(events)])
+    to.log_texts("event", [(at, f"{clock((at - begin) / 1e9)}  {says}") for at, says in sorted(events)])
 
 
 def _filtered(to: LayerFile, run: Run) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from ingest.texts.times import clock
 from replay.engine.results.hot_spot_bands import TOO_LARGE
 from replay.engine.results.summary import ChannelErrors, FoundUnknown, SmoothedSpot, Summary
 from replay.show.words import heat_words, words
@@ -106,7 +107,7 @@ def loss(summary: Summary) -> str | None:
     who, best = ("smoother", heat.smoother) if heat.smoother else ("filter", heat.filter)
     channels, node = words.counted(len(filtered.measured), "channel"), words.name(filtered.node)
     mean = f"{_watts(best.mean_W)} of loss at the {node} on average (sd {_watts(best.sd_W)} at any time)"
-    most = f"{_watts(best.max_W)} at most (sd {_watts(best.max_sd_W)}, at {words.clock(best.max_at_s)})"
+    most = f"{_watts(best.max_W)} at most (sd {_watts(best.max_sd_W)}, at {clock(best.max_at_s)})"
     return f"{who}, from {channels}: {mean} and {most}, where the model has {_watts(heat.modelled_mean_W)}"
 
 

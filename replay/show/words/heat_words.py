@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
+from ingest.texts.times import clock
 from replay.engine.results.summary import DeratingCourse, MeterErrors, ModelledSpot, SmoothedSpot, Summary
 from replay.engine.specimen.aged import LAW
 from replay.show.words import words
@@ -87,7 +88,7 @@ def _beside_limit(margin_K: float | None) -> str:
 
 def _spot(spot: str, one: AnySpot) -> str:
     place = f"({_place(spot, one)}{margin(one.margin_K)})"
-    return f"{_degrees(spot, one)} at {words.clock(one.at_s)} {place}"
+    return f"{_degrees(spot, one)} at {clock(one.at_s)} {place}"
 
 
 def _degrees(spot: str, one: AnySpot) -> str:

@@ -11,6 +11,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
 from ingest.texts.plain import plain
+from ingest.texts.times import clock
 from replay.show.words import findings, heat_words, words
 from replay.show.words.palette import variables
 
@@ -40,7 +41,7 @@ def template(name: str) -> Template:
         capital=words.capital,
         duration=words.duration,
         quantity=heat_words.quantity,
-        clock=words.clock,
+        clock=clock,
         contents=_contents,
         svg=Markup,  # drawn by us, with every name escaped
     )

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
+from ingest.texts.times import clock
 from replay.engine.results.summary import ChannelErrors, Summary
 from replay.show.words import heat_words, words
 from replay.show.words.filter_words import asked_for, checked, left_out
@@ -64,7 +65,7 @@ def integrator_says(summary: Summary) -> str | None:
     other = summary.integrator
     if other is None:
         return None
-    place = f"at the {words.name(other.node)} at {words.clock(other.at_s)}"
+    place = f"at the {words.name(other.node)} at {clock(other.at_s)}"
     return f"{other.name}: up to {other.error_K:.2f} K from {other.against}, {place}"
 
 
@@ -101,7 +102,7 @@ def _reading(one: ChannelErrors, degC: float, limit_degC: float | None, summary:
     """ "magnet measured up to 143.2 °C at 1:02:03, 6.8 K under its limit"."""
     corrected = " (reading corrected)" if is_moved(one) else ""
     margin = "" if limit_degC is None else f", {heat_words.margin(limit_degC - degC)}"
-    at = words.clock(one.measured_max_at_s or 0.0)
+    at = clock(one.measured_max_at_s or 0.0)
     return f"{_label(one, summary)} measured up to {degC:.1f} °C at {at}{corrected}{margin}"
 
 

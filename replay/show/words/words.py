@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
+from ingest.texts.times import clock
+
 PLACES: Mapping[str, tuple[str, str]] = {  # key of `where` -> words before, unit after; the most telling first
     "speed_rpm": ("at", "rpm"),
     "current_A": ("at", "A"),
@@ -60,12 +62,6 @@ def rounded(value: float) -> float:
         return float(round(value))
     step = 10.0 ** (len(str(int(abs(value)))) - 2)
     return round(value / step) * step
-
-
-def clock(seconds: float) -> str:
-    """Seconds since the start of a session as h:mm:ss."""
-    whole = round(seconds)
-    return f"{whole // 3600}:{whole // 60 % 60:02}:{whole % 60:02}"
 
 
 def duration(seconds: float) -> str:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ingest.texts.times import clock
 from made.runs import made_run
 from replay.engine.results.run import Run
 from replay.engine.results.summary import LimitPassed, ModelledSpot
@@ -112,7 +113,7 @@ def test_without_recorded_power_there_is_no_balance() -> None:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        (words.clock(4360.4), "1:12:40"),
+        (clock(4360.4), "1:12:40"),
         (words.duration(9599.5), "2 h 40 min"),
         (words.duration(45), "45 s"),
         (words.signed_kelvin(-0.04), "0.0 K"),

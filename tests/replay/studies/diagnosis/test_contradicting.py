@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ingest.texts.times import clock
 from made import can_bench
 from made.can_bench import Floats
 from replay.cli import main
-from replay.show.words.words import clock
 
 SECONDS = 3000
 
