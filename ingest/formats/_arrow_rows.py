@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
+from copy import deepcopy
 from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any
@@ -26,6 +27,7 @@ from ingest.formats._csv_dialect import SAMPLE_ROWS, UNIT_IN_NAME, Dialect, uniq
 from ingest.formats._csv_numbers import Numerals
 from ingest.formats._csv_stamps import LocalClock
 from ingest.formats._csv_time import is_time_name, recognise_clock
+from ingest.formats._long_tables import LongTable, recognise_long
 
 VALUES = 4_000_000  # of a batch, at most
 ROWS = 100_000  # of a batch, at most
@@ -66,6 +68,7 @@ class ArrowLog(Log):
     """A table of typed columns, read batch by batch in bounded memory."""
 
     _clock: Clock = field(init=False)
+    _long: LongTable | None = None
     _back: int = 0  # steps of time that go back
     _last_ns: int | None = None
     _ended: str | None = None  # how the file ends before its end
@@ -88,6 +91,9 @@ class ArrowLog(Log):
                 yield from self._rows(_kept(table.slice(start, size)))
         if self.found:
             self.settings.update(backward_steps=self._back, **self._clock.counted())
+        if self._long is not None:
+            self.units = self._long.units
+            self.settings.update(self._long.settings())
         self.end_rows(self._ended, self.rejected[0].why if self.rejected else "it holds none")
 
     def _begin(self, first: pa.RecordBatch) -> None:
@@ -95,7 +101,12 @@ class ArrowLog(Log):
         names, renamed = unique(first.schema.names)
         kept = _kept(first)
         self.units = {name: unit for name, one in zip(names, first.schema, strict=True) if (unit := _unit(one))}
-        self._clock = self._typed(kept) or self._as_text(kept)
+        dialect = self._dialect(kept)
+        self._clock = self._typed(kept) or recognise_clock(self.time, dialect, self.path.name)
+        if self._clock.columns:
+            cells = self._clock.cells([self._time_cells(kept[name][:SAMPLE_ROWS]) for name in self._clock.columns])
+            t_ns = deepcopy(self._clock).t_ns(cells, np.arange(len(cells)))[0]
+            self._long = recognise_long(dialect, self._clock.columns, t_ns)
         self.absolute = self._clock.absolute
         self.settings.update(time_column=" + ".join(self._clock.columns) or None, time=self._clock.says)
         if renamed:
@@ -120,12 +131,11 @@ class ArrowLog(Log):
             return _Durations(says=says, absolute=absolute, columns=(name,), origin_ns=start or 0)
         return None
 
-    def _as_text(self, table: Table) -> Clock:
-        """The clock that a table of text would have. Raises UnreadableLogError."""
+    def _dialect(self, table: Table) -> Dialect:
+        """The table as one of text."""
         numeric = tuple(_is_number(column.type) for column in table.values())
         head = tuple(map(tuple, islice(_texts(table), SAMPLE_ROWS)))
-        dialect = Dialect("\t", Numerals("."), tuple(table), numeric, self.units, False, {}, head, rows=self._all_rows)
-        return recognise_clock(self.time, dialect, self.path.name)
+        return Dialect("\t", Numerals("."), tuple(table), numeric, self.units, False, {}, head, rows=self._all_rows)
 
     def _all_rows(self) -> Iterator[list[str]]:
         return (row for table in self._tables() for row in _texts(_kept(table)))
@@ -146,11 +156,14 @@ class ArrowLog(Log):
             self.rejected.append(Rejected(int(record[i]), where, self._why(cells[i]), raw))
         fine = np.flatnonzero(~bad)
         self.note_places(record[fine], lambda i: self._place(int(record[fine[i]])))
-        if len(fine):
+        rows = Rows(t_ns[fine], {name: values[fine] for name, values in columns.items()}, record[fine])
+        if self._long is not None:
+            yield from self._long.series(self.path.name, rows)
+        elif len(fine):
             before = self._last_ns if self._last_ns is not None else int(t_ns[fine[0]])
             self._back += int((np.diff(t_ns[fine], prepend=before) < 0).sum())
             self._last_ns = int(t_ns[fine[-1]])
-            yield Rows(t_ns[fine], {name: values[fine] for name, values in columns.items()}, record[fine])
+            yield rows
 
     def _time_cells(self, column: pa.Array) -> NDArray[Any]:
         if isinstance(self._clock, _Instants | _Durations):

@@ -23,7 +23,8 @@ SAMPLE_ROWS = 200
 SAMPLE_BODY = 40  # rows that tell which columns hold values
 CODE = re.compile(r"0\d+", re.ASCII)  # 0417 is the name of something, no number
 EITHER = (Numerals("."), Numerals(","))
-UNIT_IN_NAME = re.compile(r"\[([^\[\]]*)\]\s*$")
+UNIT_IN_NAME = re.compile(r"\[((?!0|[2-9]|1\d)[^\[\]]*)\]\s*$")  # no number of a place, as in Y[0]
+UNIT_WORDS = ("unit", "units", "einheit", "einheiten", "unità")  # that head a line of units above the names
 
 
 @dataclass(frozen=True)
@@ -86,13 +87,21 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
     fitting = [tuple(cell.strip() for cell in row) for row in rows if len(row) == len(header)]
     numerals = _csv_numbers.recognise((cell for row in fitting for cell in row), delimiter)
     names, renamed = unique(header)
+    units = _units_above(lines[:above], names, delimiter)
     has_units = _is_units_row(fitting, numerals)
-    units = {name: match[1] for name, text in zip(names, header, strict=True) if (match := UNIT_IN_NAME.search(text))}
+    units |= {name: match[1] for name, text in zip(names, header, strict=True) if (match := UNIT_IN_NAME.search(text))}
     if has_units:
         units |= {name: _bare(cell) for name, cell in zip(names, fitting[0], strict=True) if cell}
         fitting = fitting[1:]
     numeric = tuple(_is_numeric([row[i] for row in fitting], numerals) for i in range(len(names)))
     return Dialect(delimiter, numerals, names, numeric, units, has_units, renamed, tuple(fitting[:SAMPLE_ROWS]), above)
+
+
+def _units_above(lines: Sequence[str], names: Sequence[str], delimiter: str) -> dict[str, str]:
+    """The units that a line above the names says, where it is headed so and has as many cells."""
+    rows = ([cell.strip() for cell in cells(line, delimiter)] for line in lines)
+    said = (row for row in rows if len(row) == len(names) and row[0].casefold().rstrip(":") in UNIT_WORDS)
+    return {name: _bare(cell) for name, cell in zip(names[1:], next(said, [""])[1:], strict=False) if cell}
 
 
 def holds_table(lines: Sequence[str]) -> bool:

@@ -14,16 +14,20 @@ from numpy.typing import NDArray
 
 NOTHING = ("", "nan", "NaN", "NAN", "NA", "N/A", "n/a", "null", "NULL", "None", "BURNOUT", "Burnout")
 OVER_RANGE = ("OL", "O.L", "OVER", "OVLD", "OVERFLOW", "nan", "inf", "Inf", "INF", "1.#INF", "1.#QNAN", "1.#IND")
+BROKEN = ("OPEN", "Open", "INVALID", "Invalid", "Error", "unavailable", "#OVL")
 FAILED = ("Bad Input", "#N/A", "#NV", "#DIV/0!", "#VALUE!", "#WERT!", "#NUM!", "#ZAHL!")
 MISSING = frozenset(
     (
         *NOTHING,
         *FAILED,
+        *BROKEN,
         *(sign + word for word in OVER_RANGE for sign in ("", "+", "-")),
-        *(sign * count for sign in "-+*?" for count in range(1, 13)),
+        *(sign * count for sign in "-+*?#" for count in range(1, 13)),
     )
 )
-NO_READING = (9.9e37, 9.91e37)  # what instruments answer for "over range" and "no number" (SCPI-1999, volume 1, 7.2.1)
+NO_READING = 9.9e37  # from here on no reading: 9.9E37 and 9.91E37 of SCPI-1999 (volume 1, 7.2.1), 9999E+99 of others
+ABSENT = (-9999.0, -99999.0)  # as loggers write that there is no reading, where nothing else is that low
+LOWEST = -1000.0  # of what else a column holds, for that
 BLANKS = " \u00a0\u202f"  # that stand between thousands: plain, no-break, narrow no-break
 APOSTROPHES = "'’"
 OTHER = {".": ",", ",": "."}
@@ -51,9 +55,9 @@ class Numerals:
             found = float(re.sub(f"[{re.escape(self._groups)}]", "", cell).replace(self.decimal, "."))
         else:
             return None
-        if abs(found) in NO_READING:
-            return float("nan")
-        return found if np.isfinite(found) else None
+        if np.isinf(found):
+            return None
+        return found if abs(found) < NO_READING else float("nan")
 
     def is_number(self, cell: str) -> bool:
         """Whether `cell`, without blanks around it, is a number."""
@@ -78,8 +82,16 @@ class Numerals:
     @staticmethod
     def read(values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Numbers (N,) with NaN for those that say that nothing was read."""
-        nothing = np.isin(np.abs(values), NO_READING)
+        nothing = np.abs(values) >= NO_READING
         return np.where(nothing, np.nan, values) if nothing.any() else values
+
+    @staticmethod
+    def present(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """A column (N,) with NaN for -9999, which loggers write for no reading, where its others are far from that."""
+        absent = np.isin(values, ABSENT)
+        if not absent.any() or np.nanmin(values[~absent], initial=0.0) < LOWEST:
+            return values
+        return np.where(absent, np.nan, values)
 
     @cached_property
     def _groups(self) -> str:

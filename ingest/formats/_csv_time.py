@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import replace
 from math import isnan
 from statistics import median
@@ -48,8 +49,8 @@ from ingest.formats._csv_stamps import (
 from ingest.texts.nearest import hint
 
 TIME_NAMES = frozenset(
-    ("time", "times", "timestamp", "timestampepoch", "epoch", "unixtime", "datetime", "elapsed", "elapsedtime", "ts")
-) | frozenset(("zeit", "zeitstempel", "datumzeit", "uhrzeit", "tempo", "dataora", "dataeora"))
+    ("time", "times", "timestamp", "timestring", "timestampepoch", "epoch", "unixtime", "datetime", "elapsed")
+) | frozenset(("elapsedtime", "ts", "zeit", "zeitstempel", "datumzeit", "uhrzeit", "tempo", "dataora", "dataeora"))
 COUNTERS = {"millis": ("time", "ms"), "micros": ("time", "us")}  # as small controllers call their clocks
 DATE_WORDS = frozenset(("date", "datetime", "datum", "data"))
 MILLIS_NAMES = frozenset(("ms", "msec", "millisecond", "milliseconds", "millisekunde", "millisekunden"))
@@ -107,6 +108,8 @@ def _found(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
     clocks = [clock for column in named if (clock := _of_named(time, column, dialect))]
     if clocks:
         dated = next((clock for clock in clocks if clock.absolute), clocks[0])
+        if fine := next((fine for one in clocks if (fine := _fine(time, one, dated, dialect))), None):
+            return fine
         return clocks[0] if clocks[0].absolute else _dated(clocks[0], dated, dialect)
     for column in dialect.names:
         if clock := _stamped(time, column, dialect) or _of_dates(time, column, dialect):
@@ -132,7 +135,23 @@ def _found(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
 def _of_named(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
     """The clock of a column that is called as times are; None for numbers that do not go on as time does."""
     counts = np.array(_numbers(dialect, column)) if _is_number(dialect, column) else None
-    return _by_content(time, column, dialect) if counts is None or rises(counts + wraps_of(counts) * WRAP) else None
+    goes_on = counts is None or rises(counts + wraps_of(counts) * WRAP)
+    clock = _by_content(time, column, dialect) if goes_on or time.column is None else None
+    return clock if goes_on or (clock and clock.absolute) else None
+
+
+def _fine(time: TimeSpec, counted: Clock, dated: Clock, dialect: Dialect) -> Clock | None:
+    """The clock of `Time_ms` of Siemens' operator panels, which counts millionths of a day, finer than the stamps
+    beside it; None where it does not go with these."""
+    if not isinstance(counted, Counted) or counted.unit_ns != UNITS_NS["ms"] or not isinstance(dated, Stamped):
+        return None
+    says, local = f"millionths of a day since 1899-12-30 in {time.zone}", LocalClock(time.local)
+    columns, unit_ns = counted.columns, DAY_NS / 1e6
+    fine = Serial(
+        says=says, absolute=True, columns=columns, unit_ns=unit_ns, origin_ns=SERIAL_NS, step_ns=1000, local=local
+    )
+    apart = np.abs(times_of(fine, dialect) - times_of(dated, dialect))
+    return fine if np.median(apart) < LOOSE_NS else None
 
 
 def _dated(counted: Clock, dated: Clock, dialect: Dialect) -> Clock:
@@ -148,6 +167,11 @@ def _dated(counted: Clock, dated: Clock, dialect: Dialect) -> Clock:
         return counted
     says = f"{counted.says}, dated by {dated.columns[0]}"
     return replace(counted, says=says, absolute=True, origin_ns=int(t_ns[0] - since[0]))
+
+
+def times_of(clock: Clock, dialect: Dialect) -> NDArray[np.int64]:
+    """The stamps of the first rows (N,); 0 where there is none."""
+    return deepcopy(clock).t_ns(_time_cells(clock, dialect), NO_RECORD)[0]
 
 
 def _time_cells(clock: Clock, dialect: Dialect) -> NDArray[Any]:
@@ -332,7 +356,7 @@ def is_time_name(name: str) -> bool:
 def base_and_unit(name: str) -> tuple[str, str | None]:
     """The name of a column and the unit in it: ("time", "s") of `Time [s]`, `time_s` and `Time in s`; `time_utc` is
     called ("time", None)."""
-    said = [word for word in words(name) if word not in ("in", "utc")]
+    said = [word for word in words(name) if word not in ("in", "utc", "ole2")]
     if "".join(said) in COUNTERS:
         return COUNTERS["".join(said)]
     unit = said.pop() if len(said) > 1 and said[-1] in UNITS_NS else None

@@ -37,12 +37,16 @@ from ingest.formats._csv_dialect import (
     is_value,
     recognise_dialect,
 )
-from ingest.formats._csv_numbers import MISSING
-from ingest.formats._csv_time import recognise_clock
+from ingest.formats._csv_numbers import MISSING, Numerals
+from ingest.formats._csv_time import recognise_clock, times_of
+from ingest.formats._long_tables import LongTable, recognise_long
 from ingest.formats._text import TextFile, place_of
 
 SINGLY = 64  # rows that are read one by one where they cannot be read together
 NUMBER_AND_UNIT = re.compile(r"[+-]?\d[\d.,]* ?[^\W\d]{1,4}|[+-]?\d[\d.,]* [^\s\d]{1,6}")
+RUNTIME = ('"$RT_', "$RT_")  # marks of Siemens' operator panels: switched on or off, or how many lines there are
+TYPES = ("f8", "f4", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8")  # of columns, in a line of them (ETAS)
+TYPES_LINE = re.compile(rf'(?:"?(?:{"|".join(TYPES)})"?[\t;, ]*)+\r?')
 SHOWN = 64  # first bytes of a rejected row, or of a line above the header
 ABOVE = 20  # lines above the header that are kept as they stand
 
@@ -63,8 +67,9 @@ class CsvLog(Log):
     unsaid: ClassVar[tuple[str, ...]] = ()  # settings of a text that such a file does not have
     _dialect: Dialect = field(init=False)
     _clock: Clock = field(init=False)
+    _long: LongTable | None = None
     _numeric: tuple[bool, ...] = ()
-    _header: str = ""  # its line: where it stands again it is no row
+    _heads: frozenset[str] = frozenset()  # lines above the rows: where they stand again they are none
     _lines: int = 0  # that were read
     _left: int = 0  # lines below the header that are comments, or the header again
     _back: int = 0  # steps of time that go back
@@ -127,9 +132,12 @@ class CsvLog(Log):
                 "or write the header above its rows."
             )
         begin = written[dialect.above + dialect.units_row] + 1
-        self._header = lines[written[dialect.above]]
+        comments = (line for line in lines[:begin] if line[:1] == "#")
+        self._heads = frozenset((lines[written[dialect.above]], lines[begin - 1], *comments))
         self._dialect = dialect = replace(dialect, rows=lambda: self._all_rows(begin))
         self._clock = recognise_clock(self.time, dialect, self.path.name)
+        if self._clock.columns:
+            self._long = recognise_long(dialect, self._clock.columns, times_of(self._clock, dialect))
         self._numeric = self._kinds()
         self.absolute, self.units = self._clock.absolute, dialect.units
         self.settings.update(
@@ -197,11 +205,14 @@ class CsvLog(Log):
             t_ns, wrong = self._clock.t_ns(self._time_cells(part), record[part.line])
             bad |= {int(part.line[i]): self._no_time(part, i) for i in np.flatnonzero(wrong).tolist()}
             fine = np.flatnonzero(~wrong)
-            named = zip(self._dialect.names, part.columns, strict=True)
+            named = zip(self._dialect.names, map(_present, part.columns), strict=True)
             columns = {name: values[fine] for name, values in named if name not in self._clock.columns}
-            self._count_back(t_ns[fine])
-            if len(fine):
-                yield Rows(t_ns[fine], columns, record[part.line][fine])
+            rows = Rows(t_ns[fine], columns, record[part.line][fine])
+            if self._long is not None:
+                yield from self._long.series(self.path.name, rows)
+            elif len(fine):
+                self._count_back(t_ns[fine])
+                yield rows
         for place, (column, why) in sorted(bad.items()):
             where = f"{self.line} {self._lines + place + 1:,}" + (f", column {column}" if column else "")
             self.rejected.append(Rejected(int(record[place]), where, why, lines[place].encode()[:SHOWN]))
@@ -211,9 +222,8 @@ class CsvLog(Log):
         width = len(self._dialect.names)
         marked = [place for place, line in enumerate(lines) if line[:1] == "#"]
         found = [place for place in marked if len(cells(lines[place], self._dialect.delimiter)) != width]
-        if self._header in lines:
-            found += [place for place, line in enumerate(lines) if line == self._header]
-        return found
+        found += [place for place, line in enumerate(lines) if line.startswith(RUNTIME)]
+        return found + [place for place, line in enumerate(lines) if line in self._heads]
 
     def _place(self, line: int) -> str:
         """Where a line (from 1) stands in the file."""
@@ -315,6 +325,9 @@ class CsvLog(Log):
         self.settings.update(gz=text.packed, backward_steps=self._back, **self._clock.counted())
         if self._left:
             self.settings["lines_of_no_row"] = self._left
+        if self._long is not None:
+            self.units = self._long.units
+            self.settings.update(self._long.settings())
         for name in self.unsaid:
             self.settings.pop(name, None)
         ended = text.ended
@@ -322,6 +335,10 @@ class CsvLog(Log):
             ended = f"ends inside {self.line} {self._lines:,}"
         first = self.rejected[0] if self.rejected else None
         self.end_rows(ended, f"{first.where}: {first.why}" if first else "there is none below its header")
+
+
+def _present(column: NDArray[Any]) -> NDArray[Any]:
+    return column if column.dtype == object else Numerals.present(column)
 
 
 def is_table(path: Path) -> bool:
@@ -333,8 +350,8 @@ def is_table(path: Path) -> bool:
 
 
 def _is_row(line: str) -> bool:
-    """Whether a line is a row: a blank one is not, one of tabs alone is a row of empty cells."""
-    return line.strip(" \r") != ""
+    """Whether a line is a row: a blank one is not, nor one of types; one of tabs alone is a row of empty cells."""
+    return line.strip(" \r") != "" and not (line.lstrip('"')[:2] in TYPES and TYPES_LINE.fullmatch(line))
 
 
 def _joined(parts: list[_Part]) -> Iterator[_Part]:

@@ -1,8 +1,8 @@
 """What is wrong with the stamps of a log: steps back, jumps, records that come twice, stamps far off all others.
 
-A stream is a table, or the frames of one identifier on one bus: within it a logger's stamps rise. A record whose stamp
-is far off both its neighbours, which agree, is a stray: it is left out and counted, as it would put the log's end into
-another century. All else is kept as it was recorded, and said.
+A stream is a table, a series of a long one, or the frames of one identifier on one bus: within it a logger's stamps
+rise. A record whose stamp is far off both its neighbours, which agree, is a stray: it is left out and counted, as it
+would put the log's end into another century. All else is kept as it was recorded, and said.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ingest.formats import Frames, Rows, TimeSpec
 from ingest.log.reading import LogReading
 
 Ints = NDArray[np.int64]
-Stream = tuple[int, int] | None  # bus and identifier, None of a table
+Stream = tuple[int, int] | str | None  # bus and identifier; the series of a long table; None: a table
 
 SECOND_NS = 1_000_000_000
 DAY_NS = 86_400 * SECOND_NS
@@ -95,7 +95,7 @@ def without(batch: Frames | Rows, records: Ints) -> Frames | Rows:
         return batch
     if isinstance(batch, Rows):
         columns = {name: values[kept] for name, values in batch.columns.items()}
-        return Rows(batch.t_ns[kept], columns, batch.record[kept])
+        return Rows(batch.t_ns[kept], columns, batch.record[kept], batch.series)
     return batch.taken(np.flatnonzero(kept))
 
 

@@ -113,8 +113,7 @@ def _is_long(reading: LogReading) -> bool:
 
 def _clock(faults: clock.StampFaults, written: Sequence[SignalGroup]) -> dict[str, Any]:
     """What the settings say of the stamps: counts, and the groups with stamps that come twice."""
-    streams = {group.name: (group.bus, group.message.can_id) if group.message else None for group in written}
-    doubled = [name for name, stream in streams.items() if stream in faults.doubled]
+    doubled = [group.name for group in written if group.stream in faults.doubled]
     return faults.counted() | ({"doubled": doubled} if doubled else {})
 
 
@@ -167,7 +166,7 @@ class _Work:
     ) -> None:
         self.account = Account()
         self.watch = clock.Watch()
-        self._groups = {(group.bus, group.message.can_id if group.message else None): group for group in groups}
+        self._groups = {group.stream: group for group in groups}
         self._others, self._raw, self._folder = others, raw, folder
         self._writers: dict[str, samples.GroupWriter] = {}
         self._unpacked = Unpacked(means)
@@ -175,7 +174,7 @@ class _Work:
     def add(self, batch: Frames | Rows) -> None:
         """Decode a batch of frames or rows."""
         if isinstance(batch, Rows):
-            self._write(self._groups[None, None], batch.t_ns, batch.record, batch.columns)
+            self._write(self._groups[batch.series], batch.t_ns, batch.record, batch.columns)
         else:
             for part in self._unpacked.parts(batch):
                 self._add_frames(FrameBatch(part.frames), part.carried)

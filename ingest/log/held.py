@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.formats import Frames
+from ingest.formats import Rows
 from ingest.log import recording
 from ingest.log.frames import FrameBatch
 from ingest.log.j1939 import Explained
@@ -43,18 +43,23 @@ def collect(path: Path, groups: Sequence[SignalGroup], means: Explained) -> Held
     It takes 16 bytes of memory for each sample; where no group needs anything there is no pass. Raises DamageError.
     """
     foreign = set().union(*(group.foreign for group in groups))
-    sought = {(g.bus, g.message.can_id): g for g in groups if g.message and any(g.name == home for home, _ in foreign)}
+    sought = {group.stream: group for group in groups if any(group.name == home for home, _ in foreign)}
     series: defaultdict[Source, list[Series]] = defaultdict(list)
     unpacked = Unpacked(means)
-    frames = (batch for _, batch in recording.read(path) if isinstance(batch, Frames))
-    parts = (FrameBatch(part.frames) for batch in frames for part in unpacked.parts(batch))
-    for batch in parts if foreign else ():
-        for bus, can_id, at in batch.by_identifier():
-            group = sought.get((bus, can_id))
-            if group is None or group.message is None:
-                continue
-            whole = batch.long_enough(group.message, at)
-            names = {name for home, name in foreign if home == group.name}
-            for name, values in batch.signals(group.message, whole, names).items():
-                series[group.name, name].append((batch.frames.t_ns[whole], values))
+    for _, batch in recording.read(path) if foreign else ():
+        if isinstance(batch, Rows):
+            if group := sought.get(batch.series):
+                for name, values in batch.columns.items():
+                    series[group.name, name].append((batch.t_ns, values))
+            continue
+        for part in unpacked.parts(batch):
+            frames = FrameBatch(part.frames)
+            for bus, can_id, at in frames.by_identifier():
+                group = sought.get((bus, can_id))
+                if group is None or group.message is None:
+                    continue
+                whole = frames.long_enough(group.message, at)
+                names = {name for home, name in foreign if home == group.name}
+                for name, values in frames.signals(group.message, whole, names).items():
+                    series[group.name, name].append((part.frames.t_ns[whole], values))
     return Held(series)

@@ -14,6 +14,8 @@ from ingest.bench.bench_file import Bench
 from ingest.bench.resolving import ResolvedChannel
 from ingest.bench.signals import TABLE, Signal
 from ingest.errors import BenchFileError
+from ingest.formats import LONG
+from ingest.log.clock import Stream
 from ingest.log.databases import Message, signals_of
 from ingest.log.j1939 import Explained
 from ingest.log.reading import LogReading
@@ -47,13 +49,20 @@ class OutputColumn:
 
 @dataclass
 class SignalGroup:
-    """Signals that share their stamps: a message on a bus, or a table (`message` and `bus` None)."""
+    """Signals that share their stamps: a message on a bus, or a table (`message` and `bus` None), or of a long one the
+    only signal of a `series`."""
 
     name: str
     message: Message | None = None
     bus: int | None = None
     signals: tuple[Signal, ...] = ()
     outputs: list[OutputColumn] = field(default_factory=list)
+    series: str | None = None
+
+    @property
+    def stream(self) -> Stream:
+        """The stream of the log that holds its records."""
+        return (self.bus, self.message.can_id) if self.message and self.bus is not None else self.series
 
     @property
     def file(self) -> str:
@@ -72,11 +81,12 @@ class SignalGroup:
 
 
 def groups_of(reading: LogReading, means: Explained) -> list[SignalGroup]:
-    """The groups of a log, without outputs: every message that was seen on a bus, or the table."""
+    """The groups of a log, without outputs: every message that was seen on a bus, or the table, or its series."""
     if reading.holds == "rows":
-        return [
-            SignalGroup(TABLE, signals=tuple(Signal(name, unit=reading.units.get(name)) for name in reading.columns))
-        ]
+        columns = [Signal(name, unit=reading.units.get(name)) for name in reading.columns]
+        if LONG in reading.settings:
+            return [SignalGroup(f"{TABLE}_{i}", signals=(one,), series=one.name) for i, one in enumerate(columns, 1)]
+        return [SignalGroup(TABLE, signals=tuple(columns))]
     there = means.there(identifiers(reading))
     seen = [
         (bus, message) for bus in reading.buses for can_id, message in means.messages.items() if (bus, can_id) in there

@@ -1,10 +1,10 @@
 """The recording of a log: an MCAP file with every record as it arrived, in blocks of one second.
 
-Topics: `raw/can<n>` (n = channel number stored in the file), `raw/rows` for a table, `raw/rejected` for what could
-not be read (JSON). The payload of `raw/can<n>` and `raw/rows` is an Arrow record batch; the Arrow schema is the MCAP
-schema, so that `schema.data + message.data` is an Arrow IPC stream any Arrow reader opens. A block ends where the
-second of the log's own time changes (also backwards), never where a reader's batch ended: the bytes depend on the log
-alone. Format: https://mcap.dev/spec,
+Topics: `raw/can<n>` (n = channel number stored in the file), `raw/rows` for a table, `raw/rows/<name>` for a series of
+a long one, `raw/rejected` for what could not be read (JSON). The payload of frames and rows is an Arrow record batch;
+the Arrow schema is the MCAP schema, so that `schema.data + message.data` is an Arrow IPC stream any Arrow reader opens.
+A block ends where the second of the log's own time changes (also backwards), never where a reader's batch ended: the
+bytes depend on the log alone. Format: https://mcap.dev/spec,
 https://arrow.apache.org/docs/format/Columnar.html#serialization-and-interprocess-communication-ipc
 """
 
@@ -165,7 +165,7 @@ class _Blocks:
             self._write(topic, pending)
             pending = None
         joined = part if pending is None else pa.concat_batches([pending, part])
-        return joined, _edges(to_numpy(joined.column(T_NS)), ROWS_RECORDS if topic == ROWS else 1)
+        return joined, _edges(to_numpy(joined.column(T_NS)), ROWS_RECORDS if topic.startswith(ROWS) else 1)
 
     def _write(self, topic: str, block: pa.RecordBatch) -> None:
         self.last_ns = max(0, block.column(T_NS)[0].as_py())
@@ -175,7 +175,7 @@ class _Blocks:
     def _channel(self, topic: str, schema: pa.Schema) -> int:
         arrow = schema.serialize().to_pybytes()
         if (topic, arrow) not in self.channels:
-            name = "whyhot.Rows" if topic == ROWS else "whyhot.Frames"
+            name = "whyhot.Rows" if topic.startswith(ROWS) else "whyhot.Frames"
             identity = self.writer.register_schema(name, "arrow", arrow)
             self.channels[topic, arrow] = self.writer.register_channel(topic, "arrow", identity)
         return self.channels[topic, arrow]
@@ -232,7 +232,7 @@ def _by_topic(batch: Frames | Rows) -> Iterator[tuple[str, pa.RecordBatch]]:
     if not len(batch.t_ns):
         return
     if isinstance(batch, Rows):
-        yield ROWS, _rows_to_arrow(batch)
+        yield ROWS if batch.series is None else f"{ROWS}/{batch.series}", _rows_to_arrow(batch)
         return
     table = _frames_to_arrow(batch)
     buses = np.unique(batch.bus).tolist()
@@ -336,10 +336,10 @@ def _merged(blocks: Iterable[tuple[str, pa.RecordBatch]]) -> Iterator[tuple[str,
 def _from_arrow(topic: str, batches: Sequence[pa.RecordBatch]) -> Frames | Rows:
     batch = pa.concat_batches(batches)
     t_ns, record = to_numpy(batch.column(T_NS)), to_numpy(batch.column(RECORD))
-    if topic == ROWS:
-        names = batch.schema.names[len(FIXED) :]
-        columns = batch.columns[len(FIXED) :]
-        return Rows(t_ns, {name: to_numpy(column) for name, column in zip(names, columns, strict=True)}, record)
+    if topic.startswith(ROWS):
+        named = zip(batch.schema.names[len(FIXED) :], batch.columns[len(FIXED) :], strict=True)
+        series = topic.removeprefix(f"{ROWS}/") if topic != ROWS else None
+        return Rows(t_ns, {name: to_numpy(column) for name, column in named}, record, series)
     data = batch.column("data")
     _, offsets, values = data.buffers()
     return Frames(

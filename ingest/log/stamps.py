@@ -63,7 +63,7 @@ def _table(layout: np.dtype[np.void], *columns: NDArray[np.generic]) -> Table:
 
 def _taken_apart(batch: Frames | Rows) -> Iterator[tuple[Stream, NDArray[np.intp], Prints]]:
     if isinstance(batch, Rows):
-        yield None, np.arange(len(batch.t_ns)), _of_rows(batch)
+        yield batch.series, np.arange(len(batch.t_ns)), _of_rows(batch)
         return
     prints = _of_frames(batch)
     order = np.argsort(batch.can_id, kind="stable")
@@ -113,7 +113,7 @@ class _Look:
 
     def count(self, found: StampFaults, folder: Path) -> None:
         """Count the faults of all other records."""
-        steps = _Steps(JITTER_NS if self._stream else 0, folder / "back")
+        steps = _Steps(JITTER_NS if isinstance(self._stream, tuple) else 0, folder / "back")
         total = sum(len(stray) - int(stray.sum()) for _, stray in self._batches())
         doubled = _Doubled(total, folder)
         for rows, stray in self._batches():

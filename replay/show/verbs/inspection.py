@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -102,6 +102,8 @@ def _file_lines(one: InspectedFile) -> list[str]:
         lines.append(f"  {counted(count, 'line')} below its header: comments, or the header again")
     if reading.settings.get("counter_wraps"):
         lines.append("  its counter of 32 bits began anew, and is read on")
+    if long := reading.settings.get("long_table"):
+        lines.append(f"  {_long_table(long)}")
     if "other_sheets" in reading.settings:
         others = ", ".join(reading.settings["other_sheets"])
         lines.append(f"  read of it: sheet {reading.settings['sheet']}, and not {others} ([time] sheet tells another)")
@@ -123,6 +125,14 @@ def _file_lines(one: InspectedFile) -> list[str]:
         first = reading.rejections[0]
         lines.append(f"  {reading.rejected:,} rejected, the first at {first.where}: {first.why}")
     return lines
+
+
+def _long_table(long: Mapping[str, Any]) -> str:
+    """That each name is a channel, where its values stand, and what is not read."""
+    names = f"a row a sample: each name in {' and '.join(long['names'])} is a channel with its own times"
+    bad = f", missing where {long['quality']} is bad" if "quality" in long else ""
+    left = f"; left out: {', '.join(long['left_out'])}" if "left_out" in long else ""
+    return f"{names}, its values in {long['values']}{bad}{left}"
 
 
 def _signal_line(seen: FoundSignal, width: int) -> str:
