@@ -32,7 +32,7 @@ from ingest.errors import UnreadableLogError
 
 EXTENDED = np.uint32(1 << 31)  # set in `Frames.can_id` for 29-bit identifiers
 REMOTE, FD, TRANSMIT = 2, 4, 8  # bits of `Frames.flags`
-LONG = "long_table"  # setting of a table whose rows are of series
+SERIES = "series"  # setting of a table with several: name -> columns, "" of those without a name
 GZIP = b"\x1f\x8b"
 RATIO, ALWAYS = 200, 256 << 20  # a packed file may unpack to this many times its size, or to this many bytes
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
@@ -76,7 +76,7 @@ class Rows:
     t_ns: NDArray[np.int64]  # as in `Frames`
     columns: Mapping[str, NDArray[Any]]  # name -> float64 (NaN = empty cell), or str objects of a text column
     record: NDArray[np.int64]  # position among the file's data rows, from 0
-    series: str | None = None  # of a long table: the only column, whose stamps are its own
+    series: str | None = None  # whose stamps are its own, of a table with several
 
 
 @dataclass(frozen=True)

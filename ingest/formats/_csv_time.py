@@ -169,6 +169,13 @@ def _dated(counted: Clock, dated: Clock, dialect: Dialect) -> Clock:
     return replace(counted, says=says, absolute=True, origin_ns=int(t_ns[0] - since[0]))
 
 
+def clock_of(time: TimeSpec, column: str, said: str, dialect: Dialect) -> Clock | None:
+    """The clock of one column whose header is `said`; None where it holds no times."""
+    unit = None if column in dialect.units else base_and_unit(said)[1]
+    units = dialect.units | ({column: unit} if unit else {})
+    return _by_content(replace(time, column=column), column, replace(dialect, units=units))
+
+
 def times_of(clock: Clock, dialect: Dialect) -> NDArray[np.int64]:
     """The stamps of the first rows (N,); 0 where there is none."""
     return deepcopy(clock).t_ns(_time_cells(clock, dialect), NO_RECORD)[0]
@@ -351,6 +358,11 @@ def is_time_name(name: str) -> bool:
     """Whether the name of a column says that it holds the time: `t` does, `T` alone is a temperature."""
     base = base_and_unit(name)[0]
     return base in TIME_NAMES or (base == "t" and name.startswith("t")) or CATMAN_TIME.match(name) is not None
+
+
+def is_date_name(name: str) -> bool:
+    """Whether the name of a column says that it holds a date."""
+    return bool(DATE_WORDS.intersection(words(name)))
 
 
 def base_and_unit(name: str) -> tuple[str, str | None]:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import LONG, Rows
+from ingest.formats import SERIES, Rows
 from ingest.formats._csv_dialect import Dialect
 from ingest.formats._csv_numbers import MISSING
 from ingest.formats._csv_stamps import is_stamp
@@ -98,7 +98,8 @@ class LongTable:
         }
         bad = {name: count for name, count in self.bad.items() if count}
         long = {what: said for what, said in long.items() if said}
-        return {LONG: long} | ({"invalid": bad} if bad else {})
+        series = {name: [name] for name in self._called.values()}
+        return {"long_table": long, SERIES: series} | ({"invalid": bad} if bad else {})
 
     def _name(self, label: tuple[str, ...]) -> str:
         """The name of a series: the parts that tell it, all of them where another is called so."""

@@ -16,6 +16,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -25,7 +26,7 @@ import pyarrow.csv
 from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import Log, Rejected, Rows
+from ingest.formats import SERIES, Log, Rejected, Rows
 from ingest.formats._csv_clocks import Clock
 from ingest.formats._csv_dialect import (
     BLANKS,
@@ -38,7 +39,8 @@ from ingest.formats._csv_dialect import (
     recognise_dialect,
 )
 from ingest.formats._csv_numbers import MISSING, Numerals
-from ingest.formats._csv_time import recognise_clock, times_of
+from ingest.formats._csv_series import Series, series_of
+from ingest.formats._csv_time import is_date_name, is_time_name, recognise_clock, times_of
 from ingest.formats._long_tables import LongTable, recognise_long
 from ingest.formats._text import TextFile, place_of
 
@@ -48,6 +50,8 @@ RUNTIME = ('"$RT_', "$RT_")  # marks of Siemens' operator panels: switched on or
 TYPES = ("f8", "f4", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8")  # of columns, in a line of them (ETAS)
 TYPES_LINE = re.compile(rf'(?:"?(?:{"|".join(TYPES)})"?[\t;, ]*)+\r?')
 SHOWN = 64  # first bytes of a rejected row, or of a line above the header
+BELOW = 4  # lines that show whether names stand above rows
+TIME_SAID = re.compile("time|zeit|stamp|dat|tempo|ora", re.IGNORECASE)  # in the header of another table
 ABOVE = 20  # lines above the header that are kept as they stand
 
 
@@ -67,6 +71,8 @@ class CsvLog(Log):
     unsaid: ClassVar[tuple[str, ...]] = ()  # settings of a text that such a file does not have
     _dialect: Dialect = field(init=False)
     _clock: Clock = field(init=False)
+    _series: Sequence[Series] = ()
+    _columns: dict[str, list[str]] = field(default_factory=dict)  # of each series so far
     _long: LongTable | None = None
     _numeric: tuple[bool, ...] = ()
     _heads: frozenset[str] = frozenset()  # lines above the rows: where they stand again they are none
@@ -87,8 +93,7 @@ class CsvLog(Log):
             lines = header_in_one_line([self._headed(lines[0]), *lines[1:]]) if number == 0 else lines
             begin = self._begin(lines) if number == 0 else 0
             self._lines += begin
-            yield from self._rows(lines[begin:], cut=text.open_line and text.ended is not None)
-            self._lines += len(lines) - begin
+            yield from self._tables(lines[begin:], cut=text.open_line and text.ended is not None)
         if not self._lines:
             raise UnreadableLogError(
                 f"{self.path.name}: {text.ended or 'unpacks to 0 bytes'}: no row of it can be read. "
@@ -134,12 +139,11 @@ class CsvLog(Log):
         begin = written[dialect.above + dialect.units_row] + 1
         comments = (line for line in lines[:begin] if line[:1] == "#")
         self._heads = frozenset((lines[written[dialect.above]], lines[begin - 1], *comments))
-        self._dialect = dialect = replace(dialect, rows=lambda: self._all_rows(begin))
-        self._clock = recognise_clock(self.time, dialect, self.path.name)
+        dialect = replace(dialect, rows=lambda: self._all_rows(begin, dialect.delimiter))
+        self._take(dialect, recognise_clock(self.time, dialect, self.path.name))
         if self._clock.columns:
             self._long = recognise_long(dialect, self._clock.columns, times_of(self._clock, dialect))
-        self._numeric = self._kinds()
-        self.absolute, self.units = self._clock.absolute, dialect.units
+        self.absolute = self._clock.absolute
         self.settings.update(
             delimiter=dialect.delimiter,
             decimal=dialect.numerals.decimal,
@@ -157,6 +161,14 @@ class CsvLog(Log):
         if dialect.renamed:
             self.settings["renamed"] = dialect.renamed
         return begin
+
+    def _take(self, dialect: Dialect, clock: Clock) -> None:
+        """Let the rows to come be of this table."""
+        self._dialect, self._clock = dialect, clock
+        self._numeric = self._kinds()
+        self._series = series_of(self.time, clock, dialect, f"table {len(self._columns) + 1}" if self._columns else "")
+        self._columns |= {one.name: [*one.columns] for one in self._series}
+        self.units = dialect.units | self.units
 
     def _kinds(self) -> tuple[bool, ...]:
         """Which columns hold numbers; those empty at first are looked at further down."""
@@ -178,44 +190,123 @@ class CsvLog(Log):
         texts = zip(self._dialect.names, self._numeric, self._dialect.sample[0], strict=True)
         return {name: cell[:SHOWN] for name, kind, cell in texts if not kind and NUMBER_AND_UNIT.fullmatch(cell)}
 
-    def _all_rows(self, begin: int) -> Iterator[list[str]]:
+    def _all_rows(self, begin: int, delimiter: str) -> Iterator[list[str]]:
         """Every line of the file from line `begin` on, cell by cell."""
         for block in self._text().blocks():
             for line in self._decoded(block, first=False).split("\n")[begin:]:
-                yield cells(line, self._dialect.delimiter)
+                yield cells(line, delimiter)
             begin = 0
 
     # ---- rows ------------------------------------------------------------------------------------------------------
 
+    def _tables(self, lines: list[str], *, cut: bool) -> Iterator[Rows]:
+        """The rows of consecutive lines, where another table may begin. `cut`: the last line is not whole."""
+        while lines:
+            end = self._end(lines)
+            yield from self._rows(lines[:end], cut=cut and end == len(lines))
+            self._lines += end
+            lines = lines[end:]
+            if lines:
+                begin = self._begin_another(lines)
+                self._lines += begin
+                lines = lines[begin:]
+
+    def _end(self, lines: Sequence[str]) -> int:
+        """Where the table ends, by its lines: where the header of another one stands."""
+        for place, line in enumerate(lines) if self._long is None else ():
+            if TIME_SAID.search(line) and line not in self._heads and self._is_header(lines[place : place + BELOW]):
+                return place
+        return len(lines)
+
+    def _is_header(self, lines: Sequence[str]) -> bool:
+        """Whether a line holds names, that of a time among them, and one of the next a row below them."""
+        names, *below = ([cell.strip() for cell in cells(line, self._dialect.delimiter)] for line in lines)
+        said = [name for name in names if name]
+        named = 1 < len(said) == len(set(said)) and not any(cell in MISSING or is_value(cell) for cell in said)
+        rows = (row for row in below if len(row) == len(names) and any(map(is_value, row)))
+        return named and any(is_time_name(name) or is_date_name(name) for name in said) and any(rows)
+
+    def _begin_another(self, lines: Sequence[str]) -> int:
+        """Recognise another table below the first, whose columns join those of the first where they have its name; the
+        number of lines before its first row. Raises UnreadableLogError."""
+        where, first = f"{self.line} {self._lines + 1:,}", self._clock.absolute
+        written = [place for place, line in enumerate(lines[: 2 * SAMPLE_ROWS]) if _is_row(line)]
+        try:
+            dialect = recognise_dialect([lines[place] for place in written], self.path.name)
+            dialect = replace(dialect, rows=lambda: [cells(line, dialect.delimiter) for line in lines])
+            self._take(dialect, recognise_clock(replace(self.time, column=None), dialect, self.path.name))
+        except UnreadableLogError as error:
+            why = str(error).removeprefix(f"{self.path.name}: ")
+            raise UnreadableLogError(f"{self.path.name}: another table begins at {where}: {why}") from None
+        if self._clock.absolute != first:
+            raise UnreadableLogError(
+                f"{self.path.name}: another table begins at {where}, one of both without dates: make two files of it."
+            )
+        begin = written[dialect.above + dialect.units_row] + 1
+        self._heads |= {lines[written[dialect.above]], lines[begin - 1]}
+        self.settings.setdefault("further_tables", []).append(where)
+        return begin
+
     def _rows(self, lines: list[str], *, cut: bool) -> Iterator[Rows]:
-        """The rows of consecutive lines. `cut`: the last one is not whole."""
+        """The rows of consecutive lines of one table. `cut`: the last one is not whole."""
         written = np.array([_is_row(line) for line in lines], bool)
         no_rows = self._no_rows(lines)
         written[no_rows] = False
         self._left += len(no_rows)
-        record = self.found + np.cumsum(written) - 1
-        self.found += int(written.sum())
-        at = np.flatnonzero(written)
-        self.note_places(record[at], lambda i: self._place(self._lines + int(at[i]) + 1))
         bad: dict[int, tuple[str, str]] = {}
         if cut and lines and _is_row(lines[-1]):
             bad[len(lines) - 1] = ("", "the file ends inside it")
         parts = [*self._parts(lines, [place for place in np.flatnonzero(written).tolist() if place not in bad], bad)]
-        for part in _joined(parts):
-            t_ns, wrong = self._clock.t_ns(self._time_cells(part), record[part.line])
-            bad |= {int(part.line[i]): self._no_time(part, i) for i in np.flatnonzero(wrong).tolist()}
-            fine = np.flatnonzero(~wrong)
-            named = zip(self._dialect.names, map(_present, part.columns), strict=True)
-            columns = {name: values[fine] for name, values in named if name not in self._clock.columns}
-            rows = Rows(t_ns[fine], columns, record[part.line][fine])
+        records = written.astype(np.int64)  # of each line: a row of several series is one of each that it says
+        whole = [(part, self._there(part)) for part in _joined(parts)]
+        for part, there in whole:
+            records[part.line] = np.sum(there, axis=0)
+        first = self.found + np.cumsum(records) - records
+        self.found += int(records.sum())
+        at = np.flatnonzero(written)
+        self.note_places(first[at], partial(self._place_of, at))
+        refused = [(int(first[place]), place, *why) for place, why in bad.items()]
+        for part, there in whole:
+            yield from self._of_series(part, there, first[part.line], refused)
+        for number, place, column, why in sorted(refused):
+            where = f"{self.line} {self._lines + place + 1:,}" + (f", column {column}" if column else "")
+            self.rejected.append(Rejected(number, where, why, lines[place].encode()[:SHOWN]))
+
+    def _there(self, part: _Part) -> list[NDArray[np.bool_]]:
+        """Which rows hold something of each series (N,): of at least one."""
+        if len(self._series) == 1:
+            return [np.ones(len(part.line), np.bool_)]
+        table = dict(zip(self._dialect.names, part.columns, strict=True))
+        there = [one.there(table, len(part.line)) for one in self._series]
+        there[0] |= ~np.any(there, axis=0)
+        return there
+
+    def _of_series(
+        self,
+        part: _Part,
+        there: Sequence[NDArray[np.bool_]],
+        record: NDArray[np.int64],
+        refused: list[tuple[int, int, str, str]],
+    ) -> Iterator[Rows]:
+        """The rows of each series; `record` (N,): of the first series that a row holds; `refused` takes the others."""
+        table = dict(zip(self._dialect.names, map(_present, part.columns), strict=True))
+        for series, here in zip(self._series, there, strict=True):
+            own, line, cells = record[here], part.line[here], series.times(table, part.line)[here]
+            t_ns, wrong = series.clock.t_ns(cells, own)
+            times = " + ".join(series.clock.columns)
+            for i in np.flatnonzero(wrong).tolist():
+                why = "no time" if str(cells[i]).strip() in MISSING else series.clock.why(str(cells[i]))
+                refused.append((int(own[i]), int(line[i]), times, why))
+            columns = {name: table[name][here][~wrong] for name in series.columns}
+            rows = Rows(t_ns[~wrong], columns, own[~wrong], series.name or None)
+            if len(self._series) > 1:
+                self.note_places(own, partial(self._place_of, line))
             if self._long is not None:
                 yield from self._long.series(self.path.name, rows)
-            elif len(fine):
-                self._count_back(t_ns[fine])
+            elif len(rows.t_ns):
+                self._count_back(rows.t_ns)
                 yield rows
-        for place, (column, why) in sorted(bad.items()):
-            where = f"{self.line} {self._lines + place + 1:,}" + (f", column {column}" if column else "")
-            self.rejected.append(Rejected(int(record[place]), where, why, lines[place].encode()[:SHOWN]))
+            record = record + here
 
     def _no_rows(self, lines: list[str]) -> list[int]:
         """Places of comments, and of the header again, which loggers write when they are started anew."""
@@ -224,6 +315,10 @@ class CsvLog(Log):
         found = [place for place in marked if len(cells(lines[place], self._dialect.delimiter)) != width]
         found += [place for place, line in enumerate(lines) if line.startswith(RUNTIME)]
         return found + [place for place, line in enumerate(lines) if line in self._heads]
+
+    def _place_of(self, line: NDArray[np.int64], i: int) -> str:
+        """Where the i-th of some lines (N,) of the lines to come stands in the file."""
+        return self._place(self._lines + int(line[i]) + 1)
 
     def _place(self, line: int) -> str:
         """Where a line (from 1) stands in the file."""
@@ -305,16 +400,6 @@ class CsvLog(Log):
 
     # ---- time and end ----------------------------------------------------------------------------------------------
 
-    def _time_cells(self, part: _Part) -> NDArray[Any]:
-        columns = [part.columns[self._dialect.names.index(name)] for name in self._clock.columns]
-        return self._clock.cells(columns) if columns else part.line
-
-    def _no_time(self, part: _Part, index: int) -> tuple[str, str]:
-        cell = self._time_cells(part)[index]
-        if str(cell).strip() in MISSING:
-            return " + ".join(self._clock.columns), "no time"
-        return " + ".join(self._clock.columns), self._clock.why(str(cell))
-
     def _count_back(self, t_ns: NDArray[np.int64]) -> None:
         if len(t_ns):
             before = self._last_ns if self._last_ns is not None else int(t_ns[0])
@@ -325,6 +410,10 @@ class CsvLog(Log):
         self.settings.update(gz=text.packed, backward_steps=self._back, **self._clock.counted())
         if self._left:
             self.settings["lines_of_no_row"] = self._left
+        if len(self._columns) > 1:
+            self.settings[SERIES] = self._columns
+        if len(self._series) > 1:
+            self.settings["times_beside"] = [one.clock.columns[0] for one in self._series]
         if self._long is not None:
             self.units = self._long.units
             self.settings.update(self._long.settings())

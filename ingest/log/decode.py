@@ -7,8 +7,8 @@ of the log and `decoded` by the Parquet files that were written.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import chain
+from collections.abc import Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from ingest.bench.bench_file import Bench
 from ingest.bench.resolving import ResolvedChannel
 from ingest.facts.durable import sha256_of
 from ingest.facts.events import DecodeCompleted
-from ingest.formats import Frames, Rejected, Rows
+from ingest.formats import SERIES, Frames, Rejected, Rows
 from ingest.log import clock, held, recording, samples, stamps
 from ingest.log.balance import Account, outcome
 from ingest.log.clock import JUMP_NS, times_of
@@ -36,8 +36,6 @@ from ingest.log.transport import Unpacked
 DECODER = "whyhot-decoder/6"
 RECORDING = "recording.mcap"
 WAITING_VALUES = 16_000_000  # of all groups that wait for their row group: 128 MB
-
-Batch = tuple[str, Frames | Rows]
 
 
 def decode_id(raw: str, databases: Sequence[str], bench: str | None, model: str | None = None) -> str:
@@ -67,7 +65,7 @@ def decode_file(
     """
     path = folder / RECORDING
     messages, notes = merged(databases)
-    batches, texts = _texts(recording.read(path))
+    texts = _texts(path, reading) if reading.holds == "rows" else set()
     means = explained(messages, {can_id for _, can_id in identifiers(reading)})
     groups = groups_of(reading, means)
     said = {"databases": notes, "missing": plan(groups, channels, bench, texts), "changes": _changes(bench, reading)}
@@ -75,7 +73,7 @@ def decode_file(
     specimens = Specimens(bench, reading.columns)
     work = _Work(groups, held.collect(path, groups, means), raw, folder, means)
     faults = stamps.look(path) if _is_long(reading) else None  # only in such a log can a stamp be far off
-    for _, batch in batches:
+    for _, batch in recording.read(path):
         placed = clock.without(batch, faults.strays) if faults else batch
         specimens.add(placed)
         work.add(placed)
@@ -148,14 +146,11 @@ def _outcome(
     }
 
 
-def _texts(batches: Iterable[Batch]) -> tuple[Iterator[Batch], set[str]]:
-    """The batches again, and the names of the text columns of a table."""
-    whole = iter(batches)
-    first = next(whole, None)
-    if first is None:
-        return whole, set()
-    columns = first[1].columns if isinstance(first[1], Rows) else {}
-    return chain([first], whole), {name for name, values in columns.items() if values.dtype == object}
+def _texts(path: Path, reading: LogReading) -> set[str]:
+    """The names of the text columns of a table: those of its first rows, or of its series."""
+    batches = (batch for _, batch in recording.read(path) if isinstance(batch, Rows))
+    some = batches if "" in reading.settings.get(SERIES, ()) else islice(batches, 1)
+    return {name for batch in some for name, values in batch.columns.items() if values.dtype == object}
 
 
 class _Work:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,7 +14,7 @@ from ingest.bench.bench_file import Bench
 from ingest.bench.resolving import ResolvedChannel
 from ingest.bench.signals import TABLE, Signal
 from ingest.errors import BenchFileError
-from ingest.formats import LONG
+from ingest.formats import SERIES
 from ingest.log.clock import Stream
 from ingest.log.databases import Message, signals_of
 from ingest.log.j1939 import Explained
@@ -49,8 +49,8 @@ class OutputColumn:
 
 @dataclass
 class SignalGroup:
-    """Signals that share their stamps: a message on a bus, or a table (`message` and `bus` None), or of a long one the
-    only signal of a `series`."""
+    """Signals that share their stamps: a message on a bus, or a table (`message` and `bus` None), or a
+    `series` of one."""
 
     name: str
     message: Message | None = None
@@ -83,10 +83,16 @@ class SignalGroup:
 def groups_of(reading: LogReading, means: Explained) -> list[SignalGroup]:
     """The groups of a log, without outputs: every message that was seen on a bus, or the table, or its series."""
     if reading.holds == "rows":
-        columns = [Signal(name, unit=reading.units.get(name)) for name in reading.columns]
-        if LONG in reading.settings:
-            return [SignalGroup(f"{TABLE}_{i}", signals=(one,), series=one.name) for i, one in enumerate(columns, 1)]
-        return [SignalGroup(TABLE, signals=tuple(columns))]
+        signals = {name: Signal(name, unit=reading.units.get(name)) for name in reading.columns}
+        series = reading.settings.get(SERIES, {"": reading.columns}).items()
+        return [
+            SignalGroup(
+                f"{TABLE}_{place}" if name else TABLE,
+                signals=tuple(signals[column] for column in columns),
+                series=name or None,
+            )
+            for place, (name, columns) in enumerate(series, 1)
+        ]
     there = means.there(identifiers(reading))
     seen = [
         (bus, message) for bus in reading.buses for can_id, message in means.messages.items() if (bus, can_id) in there
@@ -147,8 +153,8 @@ def _channel_names(groups: Sequence[SignalGroup]) -> dict[Source, str]:
     """Signal names; as a bench file writes them where others have that name too ("can2:Inverter.T"), with the group
     where two messages on one bus share even that."""
     signals = [(group.name, signal) for group in groups for signal in group.signals]
-    bare = Counter(signal.name for _, signal in signals)
-    full = Counter(signal.qualified for _, signal in signals)
+    bare = Counter(signal.name for signal in _apart(signal for _, signal in signals))
+    full = Counter(signal.qualified for signal in _apart(signal for _, signal in signals))
 
     def name(group: str, signal: Signal) -> str:
         if bare[signal.name] == 1:
@@ -156,6 +162,12 @@ def _channel_names(groups: Sequence[SignalGroup]) -> dict[Source, str]:
         return signal.qualified if full[signal.qualified] == 1 else f"{group}.{signal.name}"
 
     return {(group, signal.name): name(group, signal) for group, signal in signals}
+
+
+def _apart(signals: Iterable[Signal]) -> list[Signal]:
+    """Signals of messages, and those of tables once each: a column that several series have is one channel."""
+    some = list(signals)
+    return [one for one in some if one.message] + list(dict.fromkeys(one for one in some if not one.message))
 
 
 def _identity(signal: Signal) -> tuple[str | None, str | None, str]:

@@ -102,8 +102,12 @@ def _file_lines(one: InspectedFile) -> list[str]:
         lines.append(f"  {counted(count, 'line')} below its header: comments, or the header again")
     if reading.settings.get("counter_wraps"):
         lines.append("  its counter of 32 bits began anew, and is read on")
+    if beside := reading.settings.get("times_beside"):
+        lines.append(f"  columns of times: {', '.join(beside)}: each stamps the columns behind it")
     if long := reading.settings.get("long_table"):
         lines.append(f"  {_long_table(long)}")
+    if further := reading.settings.get("further_tables"):
+        lines.append(f"  another table begins at {' and at '.join(further)}: read too, with its own times")
     if "other_sheets" in reading.settings:
         others = ", ".join(reading.settings["other_sheets"])
         lines.append(f"  read of it: sheet {reading.settings['sheet']}, and not {others} ([time] sheet tells another)")
