@@ -9,7 +9,7 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import _csv_numbers
@@ -23,14 +23,14 @@ SAMPLE_ROWS = 200
 SAMPLE_BODY = 40  # rows that tell which columns hold values
 CODE = re.compile(r"0\d+", re.ASCII)  # 0417 is the name of something, no number
 EITHER = (Numerals("."), Numerals(","))
-UNIT_IN_NAME = re.compile(r"\[((?!0|[2-9]|1\d)[^\[\]]*)\]\s*$")  # no number of a place, as in Y[0]
+UNIT_IN_NAME = re.compile(r"\[((?!0|[2-9]|1\d|OLE2)[^\[\]]*)\]\s*$")  # not the place in Y[0], nor a kind of stamps
 UNIT_WORDS = ("unit", "units", "einheit", "einheiten", "unità")  # that head a line of units above the names
 
 
 @dataclass(frozen=True)
 class Dialect:
-    """How a table is written. `names` are unique; `numeric`: which columns hold numbers, None: empty as yet; `above`:
-    lines with text above the header; `rows` gives all rows of the table, cell by cell."""
+    """How a table is written. `names` are unique; `numeric`: which columns hold numbers, None: empty as yet;
+    `lines_above`: those with text above the header; `rows` gives all rows of the table, cell by cell."""
 
     delimiter: str
     numerals: Numerals
@@ -40,8 +40,15 @@ class Dialect:
     units_row: bool
     renamed: dict[str, list[str]]  # as the header says it -> as it is called here
     sample: tuple[tuple[str, ...], ...]  # the first rows that fit, cell by cell
-    above: int = 0
+    lines_above: tuple[str, ...] = ()
     rows: Callable[[], Iterable[Sequence[str]]] = tuple
+
+    def renamed_as(self, name: Callable[[str, str | None, bool], str]) -> Dialect:
+        """The table with other names: those that `name` gives for a name, its unit, and whether it holds text."""
+        kinds = zip(self.names, self.numeric, strict=True)
+        names = {one: name(one, self.units.get(one), numeric is False) for one, numeric in kinds}
+        units = {names[one]: unit for one, unit in self.units.items()}
+        return replace(self, names=tuple(names.values()), units=units)
 
 
 def cells(line: str, delimiter: str) -> list[str]:
@@ -94,7 +101,17 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
         units |= {name: _bare(cell) for name, cell in zip(names, fitting[0], strict=True) if cell}
         fitting = fitting[1:]
     numeric = tuple(_is_numeric([row[i] for row in fitting], numerals) for i in range(len(names)))
-    return Dialect(delimiter, numerals, names, numeric, units, has_units, renamed, tuple(fitting[:SAMPLE_ROWS]), above)
+    return Dialect(
+        delimiter,
+        numerals,
+        names,
+        numeric,
+        units,
+        has_units,
+        renamed,
+        tuple(fitting[:SAMPLE_ROWS]),
+        tuple(lines[:above]),
+    )
 
 
 def _units_above(lines: Sequence[str], names: Sequence[str], delimiter: str) -> dict[str, str]:

@@ -27,7 +27,7 @@ from ingest.formats._csv_clocks import (
     seconds_of_day,
     wraps_of,
 )
-from ingest.formats._csv_dialect import Dialect
+from ingest.formats._csv_dialect import Dialect, cells
 from ingest.formats._csv_numbers import MISSING
 from ingest.formats._csv_stamps import (
     CLOCK_ALONE,
@@ -52,6 +52,11 @@ TIME_NAMES = frozenset(
     ("time", "times", "timestamp", "timestring", "timestampepoch", "epoch", "unixtime", "datetime", "elapsed")
 ) | frozenset(("elapsedtime", "ts", "zeit", "zeitstempel", "datumzeit", "uhrzeit", "tempo", "dataora", "dataeora"))
 COUNTERS = {"millis": ("time", "ms"), "micros": ("time", "us")}  # as small controllers call their clocks
+RATED = re.compile(  # what a line above a table says of its rows
+    r"(?i)(?P<name>(?:[a-z]+[ _-]*)?(?:rate|freq|frequency|frequenz|interval|intervall|period)|sampl[a-z]*[ _-]?time"
+    r"|abtastzeit|delta[ _]t|dt)\W+(?P<value>[\d.,]+(?:e[+-]?\d+)?)\W*(?P<unit>k?hz|[nuµm]?s|sec|min)?\W*"
+)
+PER_S = {"hz": 1.0, "khz": 1e3}
 DATE_WORDS = frozenset(("date", "datetime", "datum", "data"))
 MILLIS_NAMES = frozenset(("ms", "msec", "millisecond", "milliseconds", "millisekunde", "millisekunden"))
 SERIAL_D, SERIAL_NS = (36526.0, 73050.0), utc_ns(EPOCH.replace(year=1899, month=12, day=30))  # days of 2000 to 2099
@@ -123,6 +128,8 @@ def _found(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
     for column in [*named, *dialect.names]:
         if clock := _of_day(time, column, dialect):
             return clock
+    if clock := _rated(time, dialect):
+        return clock
     texts = [name for name in named if dialect.numeric[dialect.names.index(name)] is False]
     seen = next((cell for name in texts for cell in _cells(dialect, name) if cell not in MISSING), None)
     holds = f' ("{texts[0]}" holds "{seen[:40]}", which is no whole stamp)' if seen is not None else ""
@@ -130,6 +137,20 @@ def _found(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
         f"{log}: no column is recognised as its time{holds}. Under [time] of the bench file say rate_hz = 1.0 "
         '(rows at a fixed rate), or column = "..." with format or unit.'
     )
+
+
+def _rated(time: TimeSpec, dialect: Dialect) -> Clock | None:
+    """The clock of a table without times, of which a line above says the rate or the interval of its rows."""
+    for line in dialect.lines_above:
+        said = " ".join(cell.strip() for cell in cells(line, dialect.delimiter))
+        found = RATED.fullmatch(said)
+        value = dialect.numerals.value(found["value"]) if found else None
+        if found and value:
+            unit = (found["unit"] or ("hz" if re.search("(?i)rate|freq", found["name"]) else "s")).lower()
+            rate_hz = value * PER_S[unit] if unit in PER_S else 1e9 / (value * UNITS_NS[unit])
+            says, start = f'{rate_hz:g} rows a second, as "{said}" says', time.start_ns
+            return Rate(says=says, absolute=start is not None, rate_hz=rate_hz, origin_ns=start or 0)
+    return None
 
 
 def _of_named(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:

@@ -73,6 +73,7 @@ class CsvLog(Log):
     _clock: Clock = field(init=False)
     _series: Sequence[Series] = ()
     _columns: dict[str, list[str]] = field(default_factory=dict)  # of each series so far
+    _known: dict[str, tuple[str | None, bool]] = field(default_factory=dict)  # column -> its unit, whether it is text
     _long: LongTable | None = None
     _numeric: tuple[bool, ...] = ()
     _heads: frozenset[str] = frozenset()  # lines above the rows: where they stand again they are none
@@ -136,9 +137,9 @@ class CsvLog(Log):
                 f"{self.path.name}: its first {lost:,} bytes are 0: its header is lost. Copy the file again, "
                 "or write the header above its rows."
             )
-        begin = written[dialect.above + dialect.units_row] + 1
+        begin = written[len(dialect.lines_above) + dialect.units_row] + 1
         comments = (line for line in lines[:begin] if line[:1] == "#")
-        self._heads = frozenset((lines[written[dialect.above]], lines[begin - 1], *comments))
+        self._heads = frozenset((lines[written[len(dialect.lines_above)]], lines[begin - 1], *comments))
         dialect = replace(dialect, rows=lambda: self._all_rows(begin, dialect.delimiter))
         self._take(dialect, recognise_clock(self.time, dialect, self.path.name))
         if self._clock.columns:
@@ -151,9 +152,9 @@ class CsvLog(Log):
             time_column=" + ".join(self._clock.columns) or None,
             time=self._clock.says,
         )
-        if dialect.above:
-            self.settings["header_line"] = written[dialect.above] + 1
-            self.settings["above_header"] = [lines[place].strip()[:SHOWN] for place in written[: dialect.above]][:ABOVE]
+        if above := len(dialect.lines_above):
+            self.settings["header_line"] = written[above] + 1
+            self.settings["above_header"] = [lines[place].strip()[:SHOWN] for place in written[:above]][:ABOVE]
         if said := self._with_units():
             self.settings["numbers_with_units"] = said
         if dialect.numerals.group:
@@ -168,6 +169,8 @@ class CsvLog(Log):
         self._numeric = self._kinds()
         self._series = series_of(self.time, clock, dialect, f"table {len(self._columns) + 1}" if self._columns else "")
         self._columns |= {one.name: [*one.columns] for one in self._series}
+        for name, number in zip(dialect.names, self._numeric, strict=True):
+            self._known.setdefault(name, (dialect.units.get(name), not number))
         self.units = dialect.units | self.units
 
     def _kinds(self) -> tuple[bool, ...]:
@@ -218,6 +221,12 @@ class CsvLog(Log):
                 return place
         return len(lines)
 
+    def _new_name(self, name: str, unit: str | None, text: bool) -> str:
+        """The name of a column of another table: another one where it is no more of what was called so above."""
+        before = self._known.get(name, (unit, text))
+        same = before[1] == text and (unit is None or before[0] in (None, unit))
+        return name if same else self._new_name(f"{name}_{len(self._columns) + 1}", unit, text)
+
     def _is_header(self, lines: Sequence[str]) -> bool:
         """Whether a line holds names, that of a time among them, and one of the next a row below them."""
         names, *below = ([cell.strip() for cell in cells(line, self._dialect.delimiter)] for line in lines)
@@ -234,6 +243,7 @@ class CsvLog(Log):
         try:
             dialect = recognise_dialect([lines[place] for place in written], self.path.name)
             dialect = replace(dialect, rows=lambda: [cells(line, dialect.delimiter) for line in lines])
+            dialect = dialect.renamed_as(self._new_name)
             self._take(dialect, recognise_clock(replace(self.time, column=None), dialect, self.path.name))
         except UnreadableLogError as error:
             why = str(error).removeprefix(f"{self.path.name}: ")
@@ -242,8 +252,8 @@ class CsvLog(Log):
             raise UnreadableLogError(
                 f"{self.path.name}: another table begins at {where}, one of both without dates: make two files of it."
             )
-        begin = written[dialect.above + dialect.units_row] + 1
-        self._heads |= {lines[written[dialect.above]], lines[begin - 1]}
+        begin = written[len(dialect.lines_above) + dialect.units_row] + 1
+        self._heads |= {lines[written[len(dialect.lines_above)]], lines[begin - 1]}
         self.settings.setdefault("further_tables", []).append(where)
         return begin
 

@@ -102,6 +102,8 @@ def _file_lines(one: InspectedFile) -> list[str]:
         lines.append(f"  {counted(count, 'line')} below its header: comments, or the header again")
     if reading.settings.get("counter_wraps"):
         lines.append("  its counter of 32 bits began anew, and is read on")
+    if "rows a second, as" in str(reading.settings.get("time")):
+        lines.append(f"  it has no column of times: {reading.settings['time']}")
     if beside := reading.settings.get("times_beside"):
         lines.append(f"  columns of times: {', '.join(beside)}: each stamps the columns behind it")
     if long := reading.settings.get("long_table"):
