@@ -86,7 +86,7 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
     if delimiter == "|" and any(line.strip("|-: ") == "" for line in lines):
         raise UnreadableLogError(f"{log}: is a page with a table in Markdown, no log. Export the table as CSV.")
     header = [cell.strip() for cell in cells(lines[above], delimiter)]
-    below = [line for line in lines[above + 1 :] if line != lines[above]]
+    below = [line for line in lines[above + 1 :] if line not in lines[: above + 1]]
     rows = [cells(line, delimiter) for line in below[: SAMPLE_ROWS + 1]]
     if all(_open_end(row, header) for row in rows):
         header.append("")
@@ -117,8 +117,12 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
 def _units_above(lines: Sequence[str], names: Sequence[str], delimiter: str) -> dict[str, str]:
     """The units that a line above the names says, where it is headed so and has as many cells."""
     rows = ([cell.strip() for cell in cells(line, delimiter)] for line in lines)
-    said = (row for row in rows if len(row) == len(names) and row[0].casefold().rstrip(":") in UNIT_WORDS)
+    said = (row for row in rows if len(row) == len(names) and _heads_units(row))
     return {name: _bare(cell) for name, cell in zip(names[1:], next(said, [""])[1:], strict=False) if cell}
+
+
+def _heads_units(row: Sequence[str]) -> bool:
+    return row[0].casefold().rstrip(":") in UNIT_WORDS
 
 
 def holds_table(lines: Sequence[str]) -> bool:
@@ -159,6 +163,7 @@ def _above_header(lines: Sequence[str], delimiter: str) -> int:
     of_values = {place: [table[place][i] for i in valued] for place in fitting}
     first = next((place for place in fitting if _is_data(of_values[place])), 0)
     above = [place for place in fitting if place < first and not any(map(is_value, table[place]))]
+    above = [place for place in above if not _heads_units(table[place])]
     names = [place for place in above if 2 * sum(map(bool, of_values[place])) > len(valued)]
     together = [place for place in names if set(range(place, names[-1])) <= set(names)]
     units = next((place for place in together[1:] if _is_units(of_values[place])), None)

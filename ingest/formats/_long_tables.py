@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -33,8 +33,9 @@ NAMES = _set(
     """name names tag tagname tagid varname var variable variablename variabile nome channel channelname channelid kanal
     kanalname canale signal signalname segnale sensor sensorname sensorid point pointname pointid item itemid itemname
     field parameter metric measurement measurand messstelle messgröße messgroesse datapoint datenpunkt series seriesname
-    bezeichnung nodeid displayname browsename entityid topic device deviceid devicename host asset location"""
+    bezeichnung nodeid displayname browsename entityid topic"""
 )
+PLACES = _set("device deviceid devicename host asset location")  # name a series too, beside what is measured there
 VALUES = _set("value varvalue val wert werte messwert istwert reading valore numericvalue doublevalue state")
 QUALITIES = _set("quality qualitycode qualität qualitaet qualità opcquality qual status statuscode")
 VALIDITIES = _set("validity valid isvalid gültig gueltig gültigkeit gueltigkeit good isgood")  # 0: no
@@ -129,8 +130,10 @@ def recognise_long(dialect: Dialect, clock: Sequence[str], t_ns: NDArray[np.int6
     sample = dict(zip(dialect.names, zip(*dialect.sample, strict=True), strict=True)) if dialect.sample else {}
     kinds = dict(zip(dialect.names, dialect.numeric, strict=True))
     rest = [name for name in sample if name not in clock and not _is_time(name, kinds[name], sample[name])]
-    numbers = [name for name in rest if kinds[name] and _called(name) not in QUALITIES | VALIDITIES | COUNTS | NAMES]
-    named = tuple(name for name in rest if _called(name) in NAMES and kinds[name] is not None)
+    numbers = [
+        name for name in rest if kinds[name] and _called(name) not in QUALITIES | VALIDITIES | COUNTS | NAMES | PLACES
+    ]
+    named = tuple(name for name in rest if _called(name) in NAMES | PLACES and kinds[name] is not None)
     texts = [name for name in rest if kinds[name] is False and _called(name) not in QUALITIES | VALIDITIES | UNITS]
     values = [name for name in numbers if _called(name) in VALUES]
     value = next(iter(values if len(values) == 1 else numbers if len(numbers) == 1 else ()), None)
@@ -148,13 +151,19 @@ def recognise_long(dialect: Dialect, clock: Sequence[str], t_ns: NDArray[np.int6
     return LongTable(
         value=value,
         names=names,
-        telling=tuple(name for name in names if len(set(sample[name])) > 1) or names[:1],
+        telling=_telling(names, sample),
         told=not values,
         quality=quality,
         opc=any(cell.isdigit() and int(cell) in OPC_BYTE for cell in (sample[quality] if quality else ())),
         unit=unit if unit and kinds[unit] is False else None,
         left_out=tuple(name for name in rest if name not in used and not MISSING.issuperset(sample[name])),
     )
+
+
+def _telling(names: Sequence[str], sample: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
+    """The columns of names that are not the same in all of the first rows; where all are, one that tells no place."""
+    several = tuple(name for name in names if len(set(sample[name])) > 1)
+    return several or tuple(sorted(names, key=lambda name: _called(name) in PLACES)[:1])
 
 
 def _share_stamps(t_ns: NDArray[np.int64], labels: Sequence[tuple[str, ...]]) -> bool:

@@ -67,6 +67,9 @@ NO_LOGS: Mapping[bytes, str] = {
     rb".{8}DUCK": "a database of DuckDB. Export a table of it (COPY t TO 'log.parquet')",
     rb"\s*[\[{]\s*[\"\[{]": "a text in JSON. Export it as Parquet or CSV (pandas: read_json(...).to_parquet)",
     rb"(?i)\s*(?:<!doctype html|<html[\s>])": "a web page (HTML). Export the table that is in it as CSV",
+    rb"\s*<\?xml.{1,500}urn:schemas-microsoft-com:office:spreadsheet": (
+        "a workbook of Excel 2003 (XML). Save it as XLSX (soffice --convert-to xlsx), or as CSV"
+    ),
     rb"\{\\rtf": "a text document (RTF). Export the table that is in it as CSV",
     rb"\x89PNG|\xff\xd8\xff|GIF8|II\*\0|MM\0\*|(?:<\?xml[^>]*>\s*)?<svg|.{4}ftyp|RIFF.{4}AVI |FFF\0": (
         "a picture or a film. Keep it beside the logs with whyhot attach FILE --specimen S --finding TEXT"

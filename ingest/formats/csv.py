@@ -40,7 +40,7 @@ from ingest.formats._csv_dialect import (
 )
 from ingest.formats._csv_numbers import MISSING, Numerals
 from ingest.formats._csv_series import Series, series_of
-from ingest.formats._csv_time import is_date_name, is_time_name, recognise_clock, times_of
+from ingest.formats._csv_time import BELOW, first_table, is_header, recognise_clock, times_of
 from ingest.formats._long_tables import LongTable, recognise_long
 from ingest.formats._text import TextFile, place_of
 
@@ -50,8 +50,6 @@ RUNTIME = ('"$RT_', "$RT_")  # marks of Siemens' operator panels: switched on or
 TYPES = ("f8", "f4", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8")  # of columns, in a line of them (ETAS)
 TYPES_LINE = re.compile(rf'(?:"?(?:{"|".join(TYPES)})"?[\t;, ]*)+\r?')
 SHOWN = 64  # first bytes of a rejected row, or of a line above the header
-BELOW = 4  # lines that show whether names stand above rows
-TIME_SAID = re.compile("time|zeit|stamp|dat|tempo|ora", re.IGNORECASE)  # in the header of another table
 ABOVE = 20  # lines above the header that are kept as they stand
 
 
@@ -131,7 +129,7 @@ class CsvLog(Log):
                 f"{self.path.name}: has no line below the {above:,} that skip_rows under [time] of the bench file "
                 "leaves out: correct that number."
             )
-        dialect = recognise_dialect([lines[place] for place in written], self.path.name)
+        dialect = recognise_dialect(first_table([lines[place] for place in written]), self.path.name)
         if (lost := self.settings.get("zeros_at_head")) and any(map(is_value, dialect.names)):
             raise UnreadableLogError(
                 f"{self.path.name}: its first {lost:,} bytes are 0: its header is lost. Copy the file again, "
@@ -217,7 +215,7 @@ class CsvLog(Log):
     def _end(self, lines: Sequence[str]) -> int:
         """Where the table ends, by its lines: where the header of another one stands."""
         for place, line in enumerate(lines) if self._long is None else ():
-            if TIME_SAID.search(line) and line not in self._heads and self._is_header(lines[place : place + BELOW]):
+            if line not in self._heads and is_header(lines[place : place + BELOW], self._dialect.delimiter):
                 return place
         return len(lines)
 
@@ -227,21 +225,13 @@ class CsvLog(Log):
         same = before[1] == text and (unit is None or before[0] in (None, unit))
         return name if same else self._new_name(f"{name}_{len(self._columns) + 1}", unit, text)
 
-    def _is_header(self, lines: Sequence[str]) -> bool:
-        """Whether a line holds names, that of a time among them, and one of the next a row below them."""
-        names, *below = ([cell.strip() for cell in cells(line, self._dialect.delimiter)] for line in lines)
-        said = [name for name in names if name]
-        named = 1 < len(said) == len(set(said)) and not any(cell in MISSING or is_value(cell) for cell in said)
-        rows = (row for row in below if len(row) == len(names) and any(map(is_value, row)))
-        return named and any(is_time_name(name) or is_date_name(name) for name in said) and any(rows)
-
     def _begin_another(self, lines: Sequence[str]) -> int:
         """Recognise another table below the first, whose columns join those of the first where they have its name; the
         number of lines before its first row. Raises UnreadableLogError."""
         where, first = f"{self.line} {self._lines + 1:,}", self._clock.absolute
         written = [place for place, line in enumerate(lines[: 2 * SAMPLE_ROWS]) if _is_row(line)]
         try:
-            dialect = recognise_dialect([lines[place] for place in written], self.path.name)
+            dialect = recognise_dialect(first_table([lines[place] for place in written]), self.path.name)
             dialect = replace(dialect, rows=lambda: [cells(line, dialect.delimiter) for line in lines])
             dialect = dialect.renamed_as(self._new_name)
             self._take(dialect, recognise_clock(replace(self.time, column=None), dialect, self.path.name))

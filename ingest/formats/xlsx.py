@@ -3,7 +3,7 @@
 python-calamine reads it: https://github.com/dimastbk/python-calamine (MIT, installed separately). Numbers, dates and
 times are those of the cells; what a text holds (numbers in German notation, stamps, units) is recognised as in CSV, the
 header too. Times of day alone, without a date in the sheet, count as seconds, as durations do. The sheet is the one
-that `[time] sheet` names, else the first with a table; the others are named in `settings["other_sheets"]`.
+that `[time] sheet` names, else the first with a table, hidden ones last; `settings["other_sheets"]` names the others.
 """
 
 from __future__ import annotations
@@ -99,7 +99,8 @@ class XlsxLog(CsvLog):
         name, self._sheet = None, None
         try:
             book = calamine.load_workbook(str(self.path))
-            for one in book.sheet_names:  # memory holds all cells of a sheet: of two at once at most
+            hidden = {one.name for one in book.sheets_metadata if one.visible != calamine.SheetVisibleEnum.Visible}
+            for one in sorted(book.sheet_names, key=hidden.__contains__):  # memory holds all cells of two at once
                 sheet = book.get_sheet_by_name(one)
                 if sheet.height:
                     filled.append(one)

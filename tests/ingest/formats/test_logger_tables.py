@@ -1,0 +1,217 @@
+"""Tables as loggers and measuring programs write them: what each becomes, to its last number.
+
+Each text is made after public descriptions of the program, with three rows of T (20, 21, none) and n (5, 6, 7).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from ingest.errors import UnreadableLogError
+from made.tables import read, same
+
+NAN = float("nan")
+S_NS = 1_000_000_000
+AT_NS = 1_741_939_200 * S_NS  # 14 March 2025, 08:00 UTC
+
+
+@dataclass(frozen=True)
+class Logged:
+    """A text and its encoding; the names of T and n, their units as the file says them; when its rows are."""
+
+    text: str
+    names: tuple[str, str] = ("T", "n")
+    units: tuple[str | None, str | None] = (None, None)
+    begins_ns: int = AT_NS
+    step_ns: int = S_NS
+    encoding: str = "utf-8"
+
+
+KEYSIGHT = (
+    "Name:,Bench\nAcquisition Date:,3/14/2025 8:00:00 AM\n\nInstrument:,34970A\nChannel,Name,Function,Range\n"
+    "101,T,Temp (Type K),,C\n102,n,Freq,,Hz\n\nScan Control:\n,Start Action:,Immediately\n\n"
+    "Scan,Time,101 <T> (C),Alarm 101,102 <n> (Hz),Alarm 102\n1,03/14/2025 08:00:00:000,20.0,0,5,0\n"
+    "2,03/14/2025 08:00:01:000,21.0,0,6,0\n3,03/14/2025 08:00:02:000,9.90000000E+37,0,7,0\n"
+)
+TENTH = S_NS // 10
+LOGGED = {
+    "ETAS MDA": Logged(
+        "ETASAsciiItemFile\trecord\tCrLf\tTab\nsampleCount\t3\ntime\tT\tn\t\nf8\tf8\tf8\t\n"
+        '"s"\t"°C"\t"1/min"\t\n0.0\t20.0\t5\t\n0.1\t21.0\t6\t\n0.2\t\t7\t\n',
+        units=("°C", "1/min"),
+        begins_ns=0,
+        step_ns=TENTH,
+        encoding="cp1252",
+    ),
+    "dSPACE ControlDesk": Logged(
+        "title;Measurement 1\ndate;14.03.2025 08:00:00\nunit;s;°C;1/min\ntrace_names;Time;T;n\n"
+        "trace_values;0,0;20,0;5\n;0,1;21,0;6\n;0,2;;7\n",
+        units=("°C", "1/min"),
+        begins_ns=0,
+        step_ns=TENTH,
+    ),
+    "dSPACE without times": Logged(
+        "title,Measurement 1\nsampling_period,0.1\nunit,degC,rpm\ntrace_names,T,n\ntrace_values,20.0,5\n,21.0,6\n,,7\n",
+        units=("degC", "rpm"),
+        begins_ns=0,
+        step_ns=TENTH,
+    ),
+    "Dewesoft": Logged(
+        "Data info\nFile name\tmotor.dxd\nStart time\t14.3.2025 08:00:00.000\nNumber of channels\t2\n\n"
+        "Data1\nTime (s)\tT (°C)\tn (rpm)\n0,0000\t20,00\t5\n0,1000\t21,00\t6\n0,2000\t\t7\n",
+        names=("T (°C)", "n (rpm)"),
+        begins_ns=0,
+        step_ns=TENTH,
+        encoding="utf-8-sig",
+    ),
+    "rate in a line above": Logged("Sample rate: 10 Hz\nT;n\n20,0;5\n21,0;6\n;7\n", begins_ns=0, step_ns=TENTH),
+    "interval in a line above": Logged(
+        "Abtastintervall;100 ms\n\nT;n;M\n20,0;5;1\n21;6;1\n;7;1\n", begins_ns=0, step_ns=TENTH
+    ),
+    "imc FAMOS": Logged(
+        "Zeit\tT\tn\ns\t°C\t1/min\n0,0\t20,0\t5\n1,0\t21,0\t6\n2,0\t****\t7\n",
+        units=("°C", "1/min"),
+        begins_ns=0,
+        encoding="cp1252",
+    ),
+    "HBM catman": Logged(
+        "HBM_CATMAN_DATAFILE_40\t\nNumber of channels: 3\nT0 = 14.03.2025 08:00:00\n\n"
+        "Zeit  1 - Standardmessrate\tT\tn\ns\t°C\t1/min\n0,0\t20,0\t5\n1,0\t21,0\t6\n2,0\t#OVL\t7\n",
+        units=("°C", "1/min"),
+        begins_ns=0,
+        encoding="cp1252",
+    ),
+    "NI waveforms": Logged(
+        "waveform\t[0]\t[1]\nt0\t14.03.2025 08:00:00,000000\t14.03.2025 08:00:00,000000\ndelta t\t1,0\t1,0\n\n"
+        "time[0]\tY[0]\tY[2]\n14.03.2025 08:00:00,0\t2,0E+1\t5\n14.03.2025 08:00:01,0\t2,1E+1\t6\n"
+        "14.03.2025 08:00:02,0\tNaN\t7\n",
+        names=("Y[0]", "Y[2]"),
+    ),
+    "Yokogawa WT": Logged(
+        "Store No.,Date,Time,Millisecond,T,n\n1,2025/03/14,08:00:00,0,20.0,5\n2,2025/03/14,08:00:00,500,21.0,6\n"
+        "3,2025/03/14,08:00:01,0,Error,7\n",
+        step_ns=S_NS // 2,
+    ),
+    "Hioki": Logged(
+        '"HIOKI PW6001","Ver 3.00"\n"INTERVAL","1s"\n"Date","Time","Status","T[C]","n[Hz]"\n'
+        '"2025/03/14","08:00:00","00000000",+2.00000E+01,5\n"2025/03/14","08:00:01","00000000",+2.10000E+01,6\n'
+        '"2025/03/14","08:00:02","00000000",+9999.99E+99,7\n',
+        names=("T[C]", "n[Hz]"),
+        units=("C", "Hz"),
+    ),
+    "Keysight BenchLink": Logged(KEYSIGHT, names=("101 <T> (C)", "102 <n> (Hz)")),
+    "Keysight BenchLink in UTF-16": Logged(KEYSIGHT, names=("101 <T> (C)", "102 <n> (Hz)"), encoding="utf-16"),
+    "Keithley": Logged(
+        "Reading Set,1\nScan,Time Stamp,T,n\n1,03/14/2025 08:00:00 AM,20.0,5\n2,03/14/2025 08:00:01 AM,21.0,6\n"
+        "3,03/14/2025 08:00:02 AM,OVERFLOW,7\n"
+    ),
+    "Almemo": Logged(
+        "ALMEMO 2890-9;\nDATUM:;ZEIT:;M00: °C;M01: rpm\n14.03.25;08:00:00;20,0;5\n14.03.25;08:00:01;21,0;6\n"
+        "14.03.25;08:00:02;-----;7\n",
+        names=("M00: °C", "M01: rpm"),
+        encoding="cp1252",
+    ),
+    "Delphin": Logged(
+        "Datum;Uhrzeit;T;n\n;;°C;1/min\n14.03.2025;08:00:00;20,0;5\n14.03.2025;08:00:01;21,0;6\n"
+        "14.03.2025;08:00:02;####;7\n",
+        units=("°C", "1/min"),
+        encoding="cp1252",
+    ),
+    "Gantner": Logged(
+        "Time[OLE2],T,n\n45730.3333333333,20.0,5\n45730.3333449074,21.0,6\n45730.3333564815,OPEN,7\n",
+    ),
+    "-9999": Logged("time,T,n\n0,20.0,5\n1,21.0,6\n2,-9999,7\n", begins_ns=0),
+    "INVALID": Logged("time,T,n\n0,20.0,5\n1,21.0,6\n2,INVALID,7\n", begins_ns=0),
+    "header and units again": Logged(
+        "Time;T;n\ns;degC;rpm\n0;20;5\n1;21;6\nTime;T;n\ns;degC;rpm\n2;;7\n", units=("degC", "rpm"), begins_ns=0
+    ),
+    "blank lines between": Logged(
+        "Date,Time,T,n\n03/14/2025,08:00:00 AM,20,5\n\n03/14/2025,08:00:01 AM,21,6\n\n\n03/14/2025,08:00:02 AM,,7\n"
+    ),
+}
+
+
+@pytest.mark.parametrize("one", LOGGED.values(), ids=list(LOGGED))
+def test_a_table_of_a_logger_is_read_whole(one: Logged, tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_bytes(one.text.encode(one.encoding))
+    log, t_ns, columns = read(path)
+    assert [round((t - one.begins_ns) / 1e6) for t in t_ns] == [k * one.step_ns // 10**6 for k in range(3)]
+    assert same([columns[name] for name in one.names], [[20, 21, NAN], [5, 6, 7]])
+    assert tuple(log.units.get(name) for name in one.names) == one.units
+    assert (log.found, list(log.rejected)) == (3, [])
+
+
+def test_minus_9999_is_a_number_among_others_as_low(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("time,count\n0,-9998\n1,-9999\n2,-10000\n")
+    assert read(path)[2] == {"count": [-9998, -9999, -10000]}
+
+
+def test_a_time_that_a_recording_took_is_no_interval_of_its_rows(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("Recording time: 300 s\nT;n\n20;5\n21;6\n")
+    with pytest.raises(UnreadableLogError, match="no column is recognised as its time"):
+        read(path)
+
+
+# ---- several series ------------------------------------------------------------------------------------------------
+
+
+def test_each_column_of_times_stamps_those_behind_it(tmp_path: Path) -> None:
+    """A row is a record of each rate that it holds; a slow rate that has ended leaves its cells empty."""
+    path = tmp_path / "log.csv"
+    head = "Time  1 - fast [s];T;Time  2 - slow [s];n;M\n"
+    path.write_text(head + "0,0;20;0;5;1\n0,1;21;10;6;2\n0,2;22;;;\n;;;;\n0,3;23;x;7;3\n")
+    log, t_ns, columns = read(path)
+    assert columns == {"T": [20, 21, 22], "n": [5, 6], "M": [1, 2]}
+    assert sorted(t_ns) == [0, 0, TENTH, 2 * TENTH, 10 * S_NS]
+    assert [(one.record, one.where, one.why) for one in log.rejected] == [
+        (5, "line 5, column Time  1 - fast [s]", "no time"),
+        (6, "line 6, column Time  2 - slow [s]", 'text "x" where numbers are'),
+    ]
+    assert (log.found, log.settings["series"]) == (7, {"": ["T"], "Time  2 - slow [s]": ["n", "M"]})
+
+
+def test_columns_of_times_that_tell_the_same_are_one_series(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("Time;T;Time;n\n0;20;0;5\n1;21;1;6\n")
+    log, t_ns, columns = read(path)
+    assert (t_ns, columns["T"], columns["n"], "series" in log.settings) == ([0, S_NS], [20, 21], [5, 6], False)
+
+
+ONE = "Zeit;T\n14.03.2025 08:00:00;20,5\n14.03.2025 08:00:01;21,5\n\n"
+
+
+def test_another_table_below_the_first_is_read_with_its_own_times(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text(ONE + "Zeit;n;T\n;rpm;\n14.03.2025 08:00:00;5;abc\n14.03.2025 08:00:10;6;def\n")
+    log, t_ns, columns = read(path)
+    assert t_ns == [AT_NS, AT_NS + S_NS, AT_NS, AT_NS + 10 * S_NS]
+    assert columns == {"T": [20.5, 21.5], "n": [5, 6], "T_2": ["abc", "def"]}  # a text is no more of that T
+    assert (log.found, log.units, log.settings["further_tables"]) == (4, {"n": "rpm"}, ["line 5"])
+
+
+@pytest.mark.parametrize(
+    ("other", "says"),
+    [
+        ("Time;n\n0;5\n1;6\n", "one of both without dates: make two files of it."),
+        ("Datum;n\n5;x\n6;y\n", "no column is recognised as its time"),
+    ],
+)
+def test_another_table_that_cannot_be_read_is_said_with_its_line(tmp_path: Path, other: str, says: str) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text(ONE + other)
+    with pytest.raises(UnreadableLogError, match=r"log\.csv: another table begins at line 5[:,] ") as caught:
+        read(path)
+    assert says in str(caught.value)
+
+
+def test_words_among_the_rows_are_no_header(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("t;T;note\n0;20;start time\n1;21;\nmean time;max;min\n2;22;\n")
+    log, _, columns = read(path)
+    assert (columns["T"], [one.where for one in log.rejected]) == ([20, 21, 22], ["line 4, column t"])
