@@ -20,7 +20,7 @@ from ingest.formats._csv_time import clock_of, is_time_name
 
 
 @dataclass(frozen=True)
-class Series:
+class TimedColumns:
     """Columns that one clock stamps; `name` is "" for the first of a table."""
 
     name: str
@@ -41,15 +41,15 @@ class Series:
         return self.clock.cells(held) if held else line
 
 
-def series_of(time: TimeSpec, clock: Clock, dialect: Dialect, name: str) -> list[Series]:
+def series_of(time: TimeSpec, clock: Clock, dialect: Dialect, name: str) -> list[TimedColumns]:
     """The series of a table that `clock` was found for; several where its columns of times do not tell the same."""
     found = [*_side_by_side(time, clock, dialect)]
     if len(found) > 1:
         return [replace(one, name=one.clock.columns[0] if i else name) for i, one in enumerate(found)]
-    return [Series(name, clock, tuple(one for one in dialect.names if one not in clock.columns))]
+    return [TimedColumns(name, clock, tuple(one for one in dialect.names if one not in clock.columns))]
 
 
-def _side_by_side(time: TimeSpec, clock: Clock, dialect: Dialect) -> Iterator[Series]:
+def _side_by_side(time: TimeSpec, clock: Clock, dialect: Dialect) -> Iterator[TimedColumns]:
     """Each column of times with those behind it; nothing where they are no clocks of one kind, or tell the same."""
     said = {name: text for text, names in dialect.renamed.items() for name in names}
     times = [name for name in dialect.names if is_time_name(said.get(name, name))]
@@ -62,4 +62,4 @@ def _side_by_side(time: TimeSpec, clock: Clock, dialect: Dialect) -> Iterator[Se
     if alike and not same and all(end - first > 1 for first, end in pairwise(ends)):
         for one, (first, end) in zip(clocks, pairwise(ends), strict=True):
             assert one is not None
-            yield Series("", one, dialect.names[first + 1 : end])
+            yield TimedColumns("", one, dialect.names[first + 1 : end])

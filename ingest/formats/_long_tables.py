@@ -130,11 +130,10 @@ def recognise_long(dialect: Dialect, clock: Sequence[str], t_ns: NDArray[np.int6
     sample = dict(zip(dialect.names, zip(*dialect.sample, strict=True), strict=True)) if dialect.sample else {}
     kinds = dict(zip(dialect.names, dialect.numeric, strict=True))
     rest = [name for name in sample if name not in clock and not _is_time(name, kinds[name], sample[name])]
-    numbers = [
-        name for name in rest if kinds[name] and _called(name) not in QUALITIES | VALIDITIES | COUNTS | NAMES | PLACES
-    ]
-    named = tuple(name for name in rest if _called(name) in NAMES | PLACES and kinds[name] is not None)
-    texts = [name for name in rest if kinds[name] is False and _called(name) not in QUALITIES | VALIDITIES | UNITS]
+    of_quality, naming = QUALITIES | VALIDITIES, NAMES | PLACES
+    numbers = [name for name in rest if kinds[name] and _called(name) not in of_quality | COUNTS | naming]
+    named = tuple(name for name in rest if _called(name) in naming and kinds[name] is not None)
+    texts = [name for name in rest if kinds[name] is False and _called(name) not in of_quality | UNITS]
     values = [name for name in numbers if _called(name) in VALUES]
     value = next(iter(values if len(values) == 1 else numbers if len(numbers) == 1 else ()), None)
     names = named or tuple(name for name in texts if not THINGS.intersection(words(name)))
@@ -144,9 +143,7 @@ def recognise_long(dialect: Dialect, clock: Sequence[str], t_ns: NDArray[np.int6
     sure = named and values and (len(numbers) == 1 or _called(value) != "state")
     if not sure and (len(numbers) > 1 or not _share_stamps(t_ns, labels)):
         return None
-    quality, unit = (
-        next((name for name in rest if _called(name) in some), None) for some in (QUALITIES | VALIDITIES, UNITS)
-    )
+    quality, unit = (next((name for name in rest if _called(name) in some), None) for some in (of_quality, UNITS))
     used = (value, *names, quality, unit)
     return LongTable(
         value=value,

@@ -39,7 +39,7 @@ from ingest.formats._csv_dialect import (
     recognise_dialect,
 )
 from ingest.formats._csv_numbers import MISSING, Numerals
-from ingest.formats._csv_series import Series, series_of
+from ingest.formats._csv_series import TimedColumns, series_of
 from ingest.formats._csv_time import BELOW, first_table, is_header, recognise_clock, times_of
 from ingest.formats._long_tables import LongTable, recognise_long
 from ingest.formats._text import TextFile, place_of
@@ -69,7 +69,7 @@ class CsvLog(Log):
     unsaid: ClassVar[tuple[str, ...]] = ()  # settings of a text that such a file does not have
     _dialect: Dialect = field(init=False)
     _clock: Clock = field(init=False)
-    _series: Sequence[Series] = ()
+    _series: Sequence[TimedColumns] = ()
     _columns: dict[str, list[str]] = field(default_factory=dict)  # of each series so far
     _known: dict[str, tuple[str | None, bool]] = field(default_factory=dict)  # column -> its unit, whether it is text
     _long: LongTable | None = None

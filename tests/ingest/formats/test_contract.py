@@ -193,6 +193,7 @@ HEADS = {  # of files that programs beside loggers write -> what a person does t
     bytes(8) + b"DUCK": "log.parquet",
     b'{"t": [0, 1]}': "read_json",
     b"<!DOCTYPE html>\n<html>": "as CSV",
+    b'<?xml version="1.0"?>\n<Workbook xmlns="urn:schemas-microsoft-com:office:spreadsheet">': "--convert-to xlsx",
     b"{\\rtf1\\ansi": "as CSV",
     b"\x89PNG\r\n\x1a\n": "whyhot attach",
     b"\xff\xd8\xff\xe0\0\x10JFIF": "whyhot attach",

@@ -24,7 +24,7 @@ def series(path: Path) -> tuple[Log, Found]:
     """The log at `path`, and its series."""
     log, found = open_log(path), Found()
     for rows in log.batches():
-        assert isinstance(rows, Rows) and rows.series in rows.columns
+        assert isinstance(rows, Rows) and rows.series is not None
         t_s, values = found.setdefault(rows.series, ([], []))
         t_s += ((rows.t_ns - AT_NS) / S_NS).round(3).tolist()
         values += rows.columns[rows.series].tolist()
