@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
-from itertools import pairwise
 from math import isnan
 from statistics import median
 from typing import Any
@@ -28,7 +27,7 @@ from ingest.formats._csv_clocks import (
     seconds_of_day,
     wraps_of,
 )
-from ingest.formats._csv_dialect import DELIMITERS, Dialect, cells, is_value
+from ingest.formats._csv_dialect import Dialect, cells
 from ingest.formats._csv_numbers import MISSING
 from ingest.formats._csv_stamps import (
     CLOCK_ALONE,
@@ -53,8 +52,6 @@ TIME_NAMES = frozenset(
     ("time", "times", "timestamp", "timestring", "timestampepoch", "epoch", "unixtime", "datetime", "elapsed")
 ) | frozenset(("elapsedtime", "ts", "zeit", "zeitstempel", "datumzeit", "uhrzeit", "tempo", "dataora", "dataeora"))
 COUNTERS = {"millis": ("time", "ms"), "micros": ("time", "us")}  # as small controllers call their clocks
-TIME_SAID = re.compile("time|zeit|stamp|dat|epoch|elapsed|tempo|ora|^.?ts?[^a-z]", re.IGNORECASE)  # as a name may
-BELOW = 4  # lines that show whether names stand above rows
 RATED = re.compile(  # what a line above a table says of its rows
     r"(?i)(?P<name>(?:[a-z]+[ _-]*)?(?:rate|freq|frequency|frequenz|interval|intervall|period)|sampl[a-z]*[ _-]?time"
     r"|abtastzeit|delta[ _]t|dt)\W+(?P<value>[\d.,]+(?:e[+-]?\d+)?)\W*(?P<unit>k?hz|[nuµm]?s|sec|min)?\W*"
@@ -382,28 +379,6 @@ def is_time_name(name: str) -> bool:
     """Whether the name of a column says that it holds the time: `t` does, `T` alone is a temperature."""
     base = base_and_unit(name)[0]
     return base in TIME_NAMES or (base == "t" and name.startswith("t")) or CATMAN_TIME.match(name) is not None
-
-
-def is_header(lines: Sequence[str], delimiter: str) -> bool:
-    """Whether the first of some lines holds names, that of a time among them, and one of the next a row below them."""
-    if not TIME_SAID.search(lines[0]):
-        return False
-    names, *below = ([cell.strip() for cell in cells(line, delimiter)] for line in lines)
-    said = [name for name in names if name]
-    named = 1 < len(said) == len(set(said)) and not any(cell in MISSING or is_value(cell) for cell in said)
-    rows = (row for row in below if len(row) == len(names) and any(map(is_value, row)))
-    return named and any(is_time_name(name) or is_date_name(name) for name in said) and any(rows)
-
-
-def first_table(lines: Sequence[str]) -> Sequence[str]:
-    """Lines up to where another table begins, below two rows of the first or more: fewer are of what heads a table."""
-    for delimiter in DELIMITERS:
-        heads = [place for place in range(len(lines)) if is_header(lines[place : place + BELOW], delimiter)]
-        for first, other in pairwise(heads):
-            rows = [place for place in range(first, other) if any(map(is_value, cells(lines[place], delimiter)))]
-            if lines[first] != lines[other] and len(rows) > 1:
-                return lines[:other]
-    return lines
 
 
 def is_date_name(name: str) -> bool:

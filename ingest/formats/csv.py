@@ -18,18 +18,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.csv
 from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import SERIES, Log, Rejected, Rows
 from ingest.formats._csv_clocks import Clock
 from ingest.formats._csv_dialect import (
-    BLANKS,
     SAMPLE_ROWS,
     Dialect,
     cells,
@@ -38,27 +35,19 @@ from ingest.formats._csv_dialect import (
     is_value,
     recognise_dialect,
 )
-from ingest.formats._csv_numbers import MISSING, Numerals
+from ingest.formats._csv_lines import SHOWN, LineReader, Lines
+from ingest.formats._csv_numbers import MISSING
 from ingest.formats._csv_series import TimedColumns, series_of
-from ingest.formats._csv_time import BELOW, first_table, is_header, recognise_clock, times_of
+from ingest.formats._csv_tables import BELOW, first_table, is_header
+from ingest.formats._csv_time import recognise_clock, times_of
 from ingest.formats._long_tables import LongTable, recognise_long
 from ingest.formats._text import TextFile, place_of
 
-SINGLY = 64  # rows that are read one by one where they cannot be read together
 NUMBER_AND_UNIT = re.compile(r"[+-]?\d[\d.,]* ?[^\W\d]{1,4}|[+-]?\d[\d.,]* [^\s\d]{1,6}")
 RUNTIME = ('"$RT_', "$RT_")  # marks of Siemens' operator panels: switched on or off, or how many lines there are
 TYPES = ("f8", "f4", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8")  # of columns, in a line of them (ETAS)
 TYPES_LINE = re.compile(rf'(?:"?(?:{"|".join(TYPES)})"?[\t;, ]*)+\r?')
-SHOWN = 64  # first bytes of a rejected row, or of a line above the header
 ABOVE = 20  # lines above the header that are kept as they stand
-
-
-@dataclass(frozen=True)
-class _Part:
-    """Rows that were read: their places among the lines (N,), and the columns in the order of the header."""
-
-    line: NDArray[np.int64]
-    columns: tuple[NDArray[Any], ...]
 
 
 @dataclass
@@ -256,23 +245,22 @@ class CsvLog(Log):
         bad: dict[int, tuple[str, str]] = {}
         if cut and lines and _is_row(lines[-1]):
             bad[len(lines) - 1] = ("", "the file ends inside it")
-        parts = [*self._parts(lines, [place for place in np.flatnonzero(written).tolist() if place not in bad], bad)]
+        reader = LineReader(self._dialect, self._numeric)
+        part = reader.read(lines, [place for place in np.flatnonzero(written).tolist() if place not in bad], bad)
+        there = self._there(part)
         records = written.astype(np.int64)  # of each line: a row of several series is one of each that it says
-        whole = [(part, self._there(part)) for part in _joined(parts)]
-        for part, there in whole:
-            records[part.line] = np.sum(there, axis=0)
+        records[part.line] = np.sum(there, axis=0)
         first = self.found + np.cumsum(records) - records
         self.found += int(records.sum())
         at = np.flatnonzero(written)
         self.note_places(first[at], partial(self._place_of, at))
         refused = [(int(first[place]), place, *why) for place, why in bad.items()]
-        for part, there in whole:
-            yield from self._of_series(part, there, first[part.line], refused)
+        yield from self._of_series(part, there, first[part.line], refused)
         for number, place, column, why in sorted(refused):
             where = f"{self.line} {self._lines + place + 1:,}" + (f", column {column}" if column else "")
             self.rejected.append(Rejected(number, where, why, lines[place].encode()[:SHOWN]))
 
-    def _there(self, part: _Part) -> list[NDArray[np.bool_]]:
+    def _there(self, part: Lines) -> list[NDArray[np.bool_]]:
         """Which rows hold something of each series (N,): of at least one."""
         if len(self._series) == 1:
             return [np.ones(len(part.line), np.bool_)]
@@ -283,13 +271,13 @@ class CsvLog(Log):
 
     def _of_series(
         self,
-        part: _Part,
+        part: Lines,
         there: Sequence[NDArray[np.bool_]],
         record: NDArray[np.int64],
         refused: list[tuple[int, int, str, str]],
     ) -> Iterator[Rows]:
         """The rows of each series; `record` (N,): of the first series that a row holds; `refused` takes the others."""
-        table = dict(zip(self._dialect.names, map(_present, part.columns), strict=True))
+        table = dict(zip(self._dialect.names, part.columns, strict=True))
         for series, here in zip(self._series, there, strict=True):
             own, line, cells = record[here], part.line[here], series.times(table, part.line)[here]
             t_ns, wrong = series.clock.t_ns(cells, own)
@@ -324,80 +312,6 @@ class CsvLog(Log):
         """Where a line (from 1) stands in the file."""
         return place_of(self.path, line)
 
-    def _parts(self, lines: list[str], places: list[int], bad: dict[int, tuple[str, str]]) -> Iterator[_Part]:
-        """The lines at `places`, together where that works, else in halves, in the end one by one."""
-        if not places:
-            return
-        columns = self._together([lines[place] for place in places])
-        if columns is not None:
-            yield _Part(np.array(places), columns)
-        elif len(places) <= SINGLY:
-            yield from self._singly(lines, places, bad)
-        else:
-            half = len(places) // 2
-            yield from self._parts(lines, places[:half], bad)
-            yield from self._parts(lines, places[half:], bad)
-
-    def _together(self, lines: list[str]) -> tuple[NDArray[Any], ...] | None:
-        """The columns of `lines`; None where one of them is no row as it should be."""
-        names, numerals = [str(place) for place in range(len(self._numeric))], self._dialect.numerals
-        number = pa.string() if numerals.group else pa.float64()
-        kinds = dict(zip(names, (number if kind else pa.string() for kind in self._numeric), strict=True))
-        try:
-            if self._dialect.delimiter == BLANKS:
-                lines = ["\t".join(line.split()) for line in lines]
-            table = pa.csv.read_csv(
-                pa.BufferReader("\n".join(lines).encode()),
-                pa.csv.ReadOptions(use_threads=False, column_names=names, block_size=1 << 30),
-                pa.csv.ParseOptions(
-                    delimiter="\t" if self._dialect.delimiter == BLANKS else self._dialect.delimiter,
-                    newlines_in_values=False,
-                ),
-                pa.csv.ConvertOptions(
-                    column_types=kinds,
-                    null_values=sorted(MISSING),
-                    strings_can_be_null=False,
-                    decimal_point=numerals.decimal,
-                ),
-            )
-        except (pa.ArrowInvalid, UnicodeError):
-            return None
-        columns: list[NDArray[Any]] = []
-        for name, kind in zip(names, self._numeric, strict=True):
-            grouped = bool(kind and numerals.group)
-            values = numerals.values(table[name].combine_chunks()) if grouped else table[name].to_numpy()
-            if values is None or (kind and np.isinf(values).any()):
-                return None
-            columns.append(numerals.read(values) if kind else values)
-        return None if table.num_rows != len(lines) else tuple(columns)
-
-    def _singly(self, lines: list[str], places: list[int], bad: dict[int, tuple[str, str]]) -> Iterator[_Part]:
-        rows: list[tuple[int, list[float | str]]] = []
-        for place in places:
-            row = self._row(lines[place])
-            if isinstance(row, tuple):
-                bad[place] = row
-            else:
-                rows.append((place, row))
-        if rows:
-            columns = zip(*(row for _, row in rows), strict=True)
-            kinds = [np.float64 if kind else object for kind in self._numeric]
-            arrays = tuple(np.array(values, kind) for values, kind in zip(columns, kinds, strict=True))
-            yield _Part(np.array([place for place, _ in rows]), arrays)
-
-    def _row(self, line: str) -> list[float | str] | tuple[str, str]:
-        """The values of one line, or (column, why it cannot be read)."""
-        row = cells(line, self._dialect.delimiter)
-        if len(row) != len(self._numeric):
-            return "", f"has {len(row):,} field{'s' * (len(row) != 1)} where the header has {len(self._numeric):,}"
-        values: list[float | str] = []
-        for name, cell, numeric in zip(self._dialect.names, row, self._numeric, strict=True):
-            value = self._dialect.numerals.value(cell) if numeric else cell
-            if value is None:
-                return name, f'text "{cell.strip()[:SHOWN]}" where numbers are'
-            values.append(value)
-        return values
-
     # ---- time and end ----------------------------------------------------------------------------------------------
 
     def _count_back(self, t_ns: NDArray[np.int64]) -> None:
@@ -426,10 +340,6 @@ class CsvLog(Log):
         self.end_rows(ended, f"{first.where}: {first.why}" if first else "there is none below its header")
 
 
-def _present(column: NDArray[Any]) -> NDArray[Any]:
-    return column if column.dtype == object else Numerals.present(column)
-
-
 def is_table(path: Path) -> bool:
     """Whether a text begins as a table does: with a header and rows that hold numbers."""
     block = next(TextFile(path).blocks(), b"")
@@ -441,13 +351,6 @@ def is_table(path: Path) -> bool:
 def _is_row(line: str) -> bool:
     """Whether a line is a row: a blank one is not, nor one of types; one of tabs alone is a row of empty cells."""
     return line.strip(" \r") != "" and not (line.lstrip('"')[:2] in TYPES and TYPES_LINE.fullmatch(line))
-
-
-def _joined(parts: list[_Part]) -> Iterator[_Part]:
-    """The parts as one, in the order of the lines."""
-    if parts:
-        line = np.concatenate([part.line for part in parts])
-        yield _Part(line, tuple(np.concatenate(columns) for columns in zip(*(p.columns for p in parts), strict=True)))
 
 
 reader = CsvLog

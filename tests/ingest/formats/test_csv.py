@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import TimeSpec, open_log, utc_ns
-from ingest.formats import csv as tables
+from ingest.formats._csv_lines import LineReader
 from ingest.formats._csv_numbers import MISSING
 from made.places import LOGS
 from made.tables import read
@@ -336,9 +336,9 @@ def test_rows_read_together_equal_rows_read_one_by_one(
     fine = [delimiter.join([str(n), usual, "a"]) for n in range(200)]
     path = table(tmp_path, delimiter.join(["t", "T", "note"]) + "\n" + "\n".join(fine + rows) + "\n")
     both = []
-    for together in (tables.CsvLog._together, lambda self, lines: None):
+    for together in (LineReader._together, lambda self, lines: None):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(tables.CsvLog, "_together", together)
+            patch.setattr(LineReader, "_together", together)
             log, t_ns, columns = read(path)
         both.append((log.rejected, t_ns, columns["note"], [repr(value) for value in columns["T"]]))
     assert both[0] == both[1]

@@ -1,0 +1,116 @@
+"""Lines of a table as columns: all together where that works, else those that cannot be read one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+from numpy.typing import NDArray
+
+from ingest.formats._csv_dialect import BLANKS, Dialect, cells
+from ingest.formats._csv_numbers import MISSING, Numerals
+
+SINGLY = 64  # rows that are read one by one where they cannot be read together
+SHOWN = 64  # first bytes of what cannot be read, or of a line above the header
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Lines that were read: their places (N,), and the columns in the order of the header, (N,) each."""
+
+    line: NDArray[np.int64]
+    columns: tuple[NDArray[Any], ...]
+
+
+@dataclass(frozen=True)
+class LineReader:
+    """Reads the lines of a table; `numeric`: which of its columns hold numbers."""
+
+    dialect: Dialect
+    numeric: tuple[bool, ...]
+
+    def read(self, lines: list[str], places: list[int], bad: dict[int, tuple[str, str]]) -> Lines:
+        """The lines at `places`; `bad` takes those that cannot be read: place -> (column, why)."""
+        none = Lines(np.empty(0, np.int64), tuple(np.empty(0, float if kind else object) for kind in self.numeric))
+        parts = [*self._parts(lines, places, bad)] or [none]
+        columns = (np.concatenate(column) for column in zip(*(part.columns for part in parts), strict=True))
+        present = tuple(one if one.dtype == object else Numerals.present(one) for one in columns)
+        return Lines(np.concatenate([part.line for part in parts]), present)
+
+    def _parts(self, lines: list[str], places: list[int], bad: dict[int, tuple[str, str]]) -> Iterator[Lines]:
+        """The lines at `places`, together where that works, else in halves, in the end one by one."""
+        if not places:
+            return
+        columns = self._together([lines[place] for place in places])
+        if columns is not None:
+            yield Lines(np.array(places), columns)
+        elif len(places) <= SINGLY:
+            yield from self._singly(lines, places, bad)
+        else:
+            half = len(places) // 2
+            yield from self._parts(lines, places[:half], bad)
+            yield from self._parts(lines, places[half:], bad)
+
+    def _together(self, lines: list[str]) -> tuple[NDArray[Any], ...] | None:
+        """The columns of `lines`; None where one of them is no row as it should be."""
+        names, numerals = [str(place) for place in range(len(self.numeric))], self.dialect.numerals
+        number = pa.string() if numerals.group else pa.float64()
+        kinds = dict(zip(names, (number if kind else pa.string() for kind in self.numeric), strict=True))
+        try:
+            if self.dialect.delimiter == BLANKS:
+                lines = ["\t".join(line.split()) for line in lines]
+            table = pa.csv.read_csv(
+                pa.BufferReader("\n".join(lines).encode()),
+                pa.csv.ReadOptions(use_threads=False, column_names=names, block_size=1 << 30),
+                pa.csv.ParseOptions(
+                    delimiter="\t" if self.dialect.delimiter == BLANKS else self.dialect.delimiter,
+                    newlines_in_values=False,
+                ),
+                pa.csv.ConvertOptions(
+                    column_types=kinds,
+                    null_values=sorted(MISSING),
+                    strings_can_be_null=False,
+                    decimal_point=numerals.decimal,
+                ),
+            )
+        except (pa.ArrowInvalid, UnicodeError):
+            return None
+        columns: list[NDArray[Any]] = []
+        for name, kind in zip(names, self.numeric, strict=True):
+            grouped = bool(kind and numerals.group)
+            values = numerals.values(table[name].combine_chunks()) if grouped else table[name].to_numpy()
+            if values is None or (kind and np.isinf(values).any()):
+                return None
+            columns.append(numerals.read(values) if kind else values)
+        return None if table.num_rows != len(lines) else tuple(columns)
+
+    def _singly(self, lines: list[str], places: list[int], bad: dict[int, tuple[str, str]]) -> Iterator[Lines]:
+        rows: list[tuple[int, list[float | str]]] = []
+        for place in places:
+            row = self._row(lines[place])
+            if isinstance(row, tuple):
+                bad[place] = row
+            else:
+                rows.append((place, row))
+        if rows:
+            columns = zip(*(row for _, row in rows), strict=True)
+            kinds = [np.float64 if kind else object for kind in self.numeric]
+            arrays = tuple(np.array(values, kind) for values, kind in zip(columns, kinds, strict=True))
+            yield Lines(np.array([place for place, _ in rows]), arrays)
+
+    def _row(self, line: str) -> list[float | str] | tuple[str, str]:
+        """The values of one line, or (column, why it cannot be read)."""
+        row = cells(line, self.dialect.delimiter)
+        if len(row) != len(self.numeric):
+            return "", f"has {len(row):,} field{'s' * (len(row) != 1)} where the header has {len(self.numeric):,}"
+        values: list[float | str] = []
+        for name, cell, numeric in zip(self.dialect.names, row, self.numeric, strict=True):
+            value = self.dialect.numerals.value(cell) if numeric else cell
+            if value is None:
+                return name, f'text "{cell.strip()[:SHOWN]}" where numbers are'
+            values.append(value)
+        return values
