@@ -73,12 +73,12 @@ class LongTable:
 
     def series(self, log: str, rows: Rows) -> Iterator[Rows]:
         """The rows of a table as rows of its series. Raises UnreadableLogError where these are too many."""
-        labels = list(zip(*(_texts(name, rows.columns[name]) for name in self.names), strict=True))
+        labels = [*zip(*(rows.columns[name].tolist() for name in self.names), strict=True)]
         places = {label: place for place, label in enumerate(dict.fromkeys(labels))}
         which = np.array([places[label] for label in labels], np.int64)
         values = np.where(self._good(rows), rows.columns[self.value], np.nan)
         for label, place in places.items():
-            at, name = np.flatnonzero(which == place), self._name(label)
+            at, name = np.flatnonzero(which == place), self._name(tuple(map(_text, self.names, label)))
             self.bad[name] += int(np.isnan(values[at]).sum() - np.isnan(rows.columns[self.value][at]).sum())
             if self.unit is not None and (unit := str(rows.columns[self.unit][at[0]]).strip()):
                 self.units.setdefault(name, unit)
@@ -172,11 +172,9 @@ def _share_stamps(t_ns: NDArray[np.int64], labels: Sequence[tuple[str, ...]]) ->
     return once and together >= SHARED * len(labels) and len(set(labels)) <= REPEATED * len(labels)
 
 
-def _texts(column: str, cells: NDArray[Any]) -> list[str]:
-    """The cells of a column of names; numbers, as some name their channels, with the column's own name."""
-    if cells.dtype == object:
-        return [text.strip() for text in cells.tolist()]
-    return [f"{column} {number:g}" for number in cells.tolist()]
+def _text(column: str, cell: str | float) -> str:
+    """What a cell of a column of names says; a number, as some name their channels, with the column's own name."""
+    return cell.strip() if isinstance(cell, str) else f"{column} {cell:g}"
 
 
 def _is_time(name: str, numeric: bool | None, cells: Sequence[str]) -> bool:

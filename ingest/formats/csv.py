@@ -45,8 +45,8 @@ from ingest.formats._text import TextFile, place_of
 
 NUMBER_AND_UNIT = re.compile(r"[+-]?\d[\d.,]* ?[^\W\d]{1,4}|[+-]?\d[\d.,]* [^\s\d]{1,6}")
 RUNTIME = ('"$RT_', "$RT_")  # marks of Siemens' operator panels: switched on or off, or how many lines there are
-TYPES = ("f8", "f4", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8")  # of columns, in a line of them (ETAS)
-TYPES_LINE = re.compile(rf'(?:"?(?:{"|".join(TYPES)})"?[\t;, ]*)+\r?')
+TYPES_LINE = re.compile(r'(?:"?[fiu][1248]"?[\t;, ]*)+\r?')  # of columns, as ETAS writes them
+NUMBER_BEGINS = frozenset("0123456789+-.")
 ABOVE = 20  # lines above the header that are kept as they stand
 
 
@@ -203,10 +203,13 @@ class CsvLog(Log):
 
     def _end(self, lines: Sequence[str]) -> int:
         """Where the table ends, by its lines: where the header of another one stands."""
-        for place, line in enumerate(lines) if self._long is None else ():
-            if line not in self._heads and is_header(lines[place : place + BELOW], self._dialect.delimiter):
+        for place in _no_number_first(lines) if self._long is None else ():
+            if lines[place] not in self._heads and self._is_header(lines, place):
                 return place
         return len(lines)
+
+    def _is_header(self, lines: Sequence[str], place: int) -> bool:
+        return is_header(lines[place : place + BELOW], self._dialect.delimiter)
 
     def _new_name(self, name: str, unit: str | None, text: bool) -> str:
         """The name of a column of another table: another one where it is no more of what was called so above."""
@@ -238,7 +241,7 @@ class CsvLog(Log):
 
     def _rows(self, lines: list[str], *, cut: bool) -> Iterator[Rows]:
         """The rows of consecutive lines of one table. `cut`: the last one is not whole."""
-        written = np.array([_is_row(line) for line in lines], bool)
+        written = np.array([line.strip(" \r") != "" for line in lines], bool)
         no_rows = self._no_rows(lines)
         written[no_rows] = False
         self._left += len(no_rows)
@@ -298,11 +301,13 @@ class CsvLog(Log):
 
     def _no_rows(self, lines: list[str]) -> list[int]:
         """Places of comments, and of the header again, which loggers write when they are started anew."""
-        width = len(self._dialect.names)
-        marked = [place for place, line in enumerate(lines) if line[:1] == "#"]
-        found = [place for place in marked if len(cells(lines[place], self._dialect.delimiter)) != width]
-        found += [place for place, line in enumerate(lines) if line.startswith(RUNTIME)]
-        return found + [place for place, line in enumerate(lines) if line in self._heads]
+        width, odd = len(self._dialect.names), _no_number_first(lines)
+        found = [place for place in odd if lines[place].startswith(RUNTIME) or TYPES_LINE.fullmatch(lines[place])]
+        marked = [place for place in odd if lines[place][:1] == "#"]
+        found += [place for place in marked if len(cells(lines[place], self._dialect.delimiter)) != width]
+        if any(head in lines for head in self._heads):
+            found += [place for place, line in enumerate(lines) if line in self._heads]
+        return found
 
     def _place_of(self, line: NDArray[np.int64], i: int) -> str:
         """Where the i-th of some lines (N,) of the lines to come stands in the file."""
@@ -350,7 +355,12 @@ def is_table(path: Path) -> bool:
 
 def _is_row(line: str) -> bool:
     """Whether a line is a row: a blank one is not, nor one of types; one of tabs alone is a row of empty cells."""
-    return line.strip(" \r") != "" and not (line.lstrip('"')[:2] in TYPES and TYPES_LINE.fullmatch(line))
+    return line.strip(" \r") != "" and not TYPES_LINE.fullmatch(line)
+
+
+def _no_number_first(lines: Sequence[str]) -> list[int]:
+    """Places of the lines that do not begin as most rows do: few, in most tables."""
+    return [place for place, line in enumerate(lines) if line[:1] not in NUMBER_BEGINS]
 
 
 reader = CsvLog
