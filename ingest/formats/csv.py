@@ -8,7 +8,8 @@ of the header without the one (or several: date, time of day, milliseconds) that
 `column_<place>`, a second `T` becomes `T_2` (`settings["renamed"]`). A row with too few or too many fields, with text
 where its column holds numbers, or without a time is rejected; a row whose time goes back is kept and counted. In a
 local zone, the hour that comes twice in autumn counts as the first until its stamps go back, then as the second
-(`settings["ambiguous_rows"]`), and a time in the hour that spring leaves out is none.
+(`settings["ambiguous_rows"]`), and a time in the hour that spring leaves out is none. A long table, columns of times
+side by side, and another table below the first are series with their own stamps (`settings["series"]`).
 """
 
 from __future__ import annotations
