@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ingest.formats._csv_numbers import MISSING
 from ingest.formats._csv_stamps import LocalClock, parse, time_of_day
 
 Ints = NDArray[np.int64]
@@ -145,6 +146,15 @@ def seconds_of_day(cell: str) -> float:
     return hours * 3600 + int(match[2]) * 60 + int(match[3]) + float(f"0.{match[4] or 0}")
 
 
+def carried(dates: Iterable[str], before: str = "") -> list[str]:
+    """Dates, each in all rows down to the next; `before` them stood another one."""
+    filled = []
+    for date in dates:
+        before = date if date.strip() not in MISSING else before
+        filled.append(before)
+    return filled
+
+
 def joined(day: NDArray[Any], *clock: NDArray[Any]) -> NDArray[np.object_]:
     """Cells of several columns as one stamp each (N,)."""
     return np.array([" ".join(cells) for cells in zip(day, *clock, strict=True)], object)
@@ -157,9 +167,14 @@ class Stamped(Clock):
     pattern: str
     local: LocalClock
     millis: bool = False  # the last of the columns holds the milliseconds of the stamp before it
+    sparse_dates: bool = False  # the first of them holds a date where it is another one, as ALMEMO writes it
     is_text: bool = field(default=True, init=False)
+    _day: str = field(default="", init=False)  # the date that was said last
 
     def cells(self, columns: Sequence[NDArray[Any]]) -> NDArray[Any]:
+        if self.sparse_dates and len(columns[0]):
+            days = carried(columns[0].tolist(), self._day)
+            self._day, columns = days[-1], [np.array(days, object), *columns[1:]]
         stamps = super().cells(columns[: len(columns) - self.millis])
         if not self.millis:
             return stamps

@@ -5,6 +5,7 @@ Loggers that sample at several rates write a column of times before the columns 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -17,6 +18,8 @@ from ingest.formats import TimeSpec
 from ingest.formats._csv_clocks import Clock, Flags
 from ingest.formats._csv_dialect import Dialect
 from ingest.formats._csv_time import clock_of, is_time_name
+
+NUMBERED = re.compile(r"[ _]?\d+$")  # `Zeit 2` is one of several
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,7 @@ def series_of(time: TimeSpec, clock: Clock, dialect: Dialect, name: str) -> list
 def _side_by_side(time: TimeSpec, clock: Clock, dialect: Dialect) -> Iterator[TimedColumns]:
     """Each column of times with those behind it; nothing where they are no clocks of one kind, or tell the same."""
     said = {name: text for text, names in dialect.renamed.items() for name in names}
-    times = [name for name in dialect.names if is_time_name(said.get(name, name))]
+    times = [name for name in dialect.names if is_time_name(NUMBERED.sub("", said.get(name, name)))]
     if len(times) < 2 or [dialect.names[0]] != [*clock.columns] or times[0] != dialect.names[0]:
         return
     ends = [*map(dialect.names.index, times), len(dialect.names)]

@@ -24,6 +24,7 @@ from ingest.formats._csv_clocks import (
     Rate,
     Serial,
     Stamped,
+    carried,
     seconds_of_day,
     wraps_of,
 )
@@ -49,7 +50,7 @@ from ingest.formats._csv_stamps import (
 from ingest.texts.nearest import hint
 
 TIME_NAMES = frozenset(
-    ("time", "times", "timestamp", "timestring", "timestampepoch", "epoch", "unixtime", "datetime", "elapsed")
+    ("time", "times", "timestamp", "tstamp", "timestring", "timestampepoch", "epoch", "unixtime", "datetime", "elapsed")
 ) | frozenset(("elapsedtime", "ts", "zeit", "zeitstempel", "datumzeit", "uhrzeit", "tempo", "dataora", "dataeora"))
 COUNTERS = {"millis": ("time", "ms"), "micros": ("time", "us")}  # as small controllers call their clocks
 RATED = re.compile(  # what a line above a table says of its rows
@@ -292,10 +293,23 @@ def _known(time: TimeSpec) -> dict[str, str]:
 def _of_two(time: TimeSpec, patterns: Mapping[str, str], dialect: Dialect) -> Clock | None:
     """The clock of a table with a column of dates and one of times of day; None where there are no such two."""
     for pair in _pairs(dialect):
-        found = _of_cells(time, patterns, pair, dialect)
+        filled = _filled(dialect, pair[0])
+        found = _of_cells(time, patterns, pair, filled or dialect)
+        if found and filled:
+            return replace(found, sparse_dates=True)
         if found and not found.t_ns(_time_cells(found, dialect), NO_RECORD)[1].all():
             return found  # 24.12.25 has the form of a time of day, and 08.00.00 that of a date
     return None
+
+
+def _filled(dialect: Dialect, column: str) -> Dialect | None:
+    """The first rows with the date that was said last in each; None where most rows say theirs."""
+    dates = _cells(dialect, column)
+    if dates[0] in MISSING or 2 * sum(date in MISSING for date in dates) <= len(dates):
+        return None
+    place, filled = dialect.names.index(column), carried(dates)
+    rows = ((*row[:place], date, *row[place + 1 :]) for row, date in zip(dialect.sample, filled, strict=True))
+    return replace(dialect, sample=tuple(rows))
 
 
 def _pairs(dialect: Dialect) -> list[tuple[str, str]]:
@@ -305,7 +319,9 @@ def _pairs(dialect: Dialect) -> list[tuple[str, str]]:
     return [(day, clock) for day in days for clock in clocks if day != clock]
 
 
-def _of_cells(time: TimeSpec, patterns: Mapping[str, str], columns: tuple[str, ...], dialect: Dialect) -> Clock | None:
+def _of_cells(
+    time: TimeSpec, patterns: Mapping[str, str], columns: tuple[str, ...], dialect: Dialect
+) -> Stamped | None:
     """The first of `patterns` that fits the cells of a column, or of two joined."""
     said = [*_said(dialect.sample, columns, dialect)]
     says, pattern = next(((says, one) for says, one in patterns.items() if said and fits(one, said)), ("", ""))
@@ -321,7 +337,7 @@ def _of_cells(time: TimeSpec, patterns: Mapping[str, str], columns: tuple[str, .
     return _with_millis(clock, dialect)
 
 
-def _with_millis(clock: Stamped, dialect: Dialect) -> Clock:
+def _with_millis(clock: Stamped, dialect: Dialect) -> Stamped:
     """The clock with the milliseconds that a column of its own holds, where its stamps are of whole seconds."""
     column = next((name for name in dialect.names if name.casefold() in MILLIS_NAMES), None)
     if column is None or not all(0 <= ms < 1000 and ms == int(ms) for ms in _numbers(dialect, column)):

@@ -30,14 +30,19 @@ def _set(text: str) -> frozenset[str]:
 
 # what columns are called, their words in one
 NAMES = _set(
-    """name names tag tagname tagid varname var variable variablename variabile nome channel channelname channelid kanal
-    kanalname canale signal signalname segnale sensor sensorname sensorid point pointname pointid item itemid itemname
-    field parameter metric measurement measurand messstelle messgröße messgroesse datapoint datenpunkt series seriesname
-    bezeichnung nodeid displayname browsename entityid topic"""
+    """name names tag tagname tagid tagpath varname var variable variablename variabile nome channel channelname
+    channelid kanal kanalname canale signal signalname segnale sensor sensorname sensorid point pointname pointid item itemid
+    itemname field parameter metric measurement measurand measurename messstelle messgröße messgroesse datapoint
+    datenpunkt series seriesname bezeichnung nodeid displayname browsename entityid topic key"""
 )
 PLACES = _set("device deviceid devicename host asset location")  # name a series too, beside what is measured there
-VALUES = _set("value varvalue val wert werte messwert istwert reading valore numericvalue doublevalue state")
-QUALITIES = _set("quality qualitycode qualität qualitaet qualità opcquality qual status statuscode")
+VALUES = _set(
+    """value varvalue val wert werte messwert istwert reading valore numericvalue floatvalue doublevalue measurevalue
+    measurevaluedouble state"""
+)
+QUALITIES = _set(
+    """quality qualitycode qualitydetail qualität qualitaet qualità opcquality qual dataintegrity status statuscode"""
+)
 VALIDITIES = _set("validity valid isvalid gültig gueltig gültigkeit gueltigkeit good isgood")  # 0: no
 UNITS = _set("unit units einheit unità uom eu engunits engineeringunits")
 COUNTS = _set("id index row rownumber nr no number lfdnr table seq sequence scan")

@@ -114,6 +114,11 @@ LOGGED = {
         names=("M00: °C", "M01: rpm"),
         encoding="cp1252",
     ),
+    "Almemo with dates where they change": Logged(
+        "DATUM:;ZEIT:;M00: °C;M01: rpm\n14.03.25;08:00:00;20,0;5\n;08:00:01;21,0;6\n;08:00:02;-----;7\n",
+        names=("M00: °C", "M01: rpm"),
+        encoding="cp1252",
+    ),
     "Delphin": Logged(
         "Datum;Uhrzeit;T;n\n;;°C;1/min\n14.03.2025;08:00:00;20,0;5\n14.03.2025;08:00:01;21,0;6\n"
         "14.03.2025;08:00:02;####;7\n",
@@ -132,6 +137,14 @@ LOGGED = {
         "Date,Time,T,n\n03/14/2025,08:00:00 AM,20,5\n\n03/14/2025,08:00:01 AM,21,6\n\n\n03/14/2025,08:00:02 AM,,7\n"
     ),
 }
+
+
+def test_a_date_that_stands_where_it_changes_is_carried_over_midnight(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text(
+        "DATUM:;ZEIT:;T\n14.03.25;23:59:58;20\n;23:59:59;21\n;23:59:59;21\n15.03.25;00:00:00;22\n;00:00:01;23\n"
+    )
+    assert [(t - AT_NS) // S_NS - 57_598 for t in read(path)[1]] == [0, 1, 1, 2, 3]
 
 
 @pytest.mark.parametrize("one", LOGGED.values(), ids=list(LOGGED))
@@ -174,6 +187,16 @@ def test_each_column_of_times_stamps_those_behind_it(tmp_path: Path) -> None:
         (6, "line 6, column Time  2 - slow [s]", 'text "x" where numbers are'),
     ]
     assert (log.found, log.settings["series"]) == (7, {"": ["T"], "Time  2 - slow [s]": ["n", "M"]})
+
+
+def test_columns_of_times_may_be_numbered(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("Zeit 1;T;Zeit 2;n\n" + "".join(f"{_stamp(k)};20;{_stamp(2 * k)};5\n" for k in range(4)))
+    assert read(path)[1] == [AT_NS + k * S_NS for k in (0, 1, 2, 3, 0, 2, 4, 6)]
+
+
+def _stamp(second: int) -> str:
+    return f"14.03.2025 08:00:0{second}"
 
 
 def test_columns_of_times_that_tell_the_same_are_one_series(tmp_path: Path) -> None:
