@@ -85,7 +85,7 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
     delimiter, above = _layout(lines)
     if delimiter == "|" and any(line.strip("|-: ") == "" for line in lines):
         raise UnreadableLogError(f"{log}: is a page with a table in Markdown, no log. Export the table as CSV.")
-    header = [cell.strip() for cell in cells(lines[above], delimiter)]
+    header = _merged([cell.strip() for cell in cells(lines[above], delimiter)], lines[above - 1 : above], delimiter)
     below = [line for line in lines[above + 1 :] if line not in lines[: above + 1]]
     rows = [cells(line, delimiter) for line in below[: SAMPLE_ROWS + 1]]
     if all(_open_end(row, header) for row in rows):
@@ -112,6 +112,14 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
         tuple(fitting[:SAMPLE_ROWS]),
         tuple(lines[:above]),
     )
+
+
+def _merged(header: list[str], over: Sequence[str], delimiter: str) -> list[str]:
+    """The names, each empty one from the line over it, as a cell is that was merged with the one below."""
+    above = [cell.strip() for line in over for cell in cells(line, delimiter)]
+    if len(above) != len(header) or any(map(is_value, above)):
+        return header
+    return [name or other for name, other in zip(header, above, strict=True)]
 
 
 def _units_above(lines: Sequence[str], names: Sequence[str], delimiter: str) -> dict[str, str]:

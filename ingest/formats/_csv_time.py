@@ -113,7 +113,8 @@ def _found(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
             return clock
     clocks = [clock for column in named if (clock := _of_named(time, column, dialect))]
     if clocks:
-        dated = next((clock for clock in clocks if clock.absolute), clocks[0])
+        dated = next((clock for clock in clocks if clock.absolute), None) or _of_two(time, _known(time), dialect)
+        dated = dated or clocks[0]
         if fine := next((fine for one in clocks if (fine := _fine(time, one, dated, dialect))), None):
             return fine
         return clocks[0] if clocks[0].absolute else _dated(clocks[0], dated, dialect)

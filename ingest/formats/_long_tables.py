@@ -31,9 +31,10 @@ def _set(text: str) -> frozenset[str]:
 # what columns are called, their words in one
 NAMES = _set(
     """name names tag tagname tagid tagpath varname var variable variablename variabile nome channel channelname
-    channelid kanal kanalname canale signal signalname segnale sensor sensorname sensorid point pointname pointid item itemid
-    itemname field parameter metric measurement measurand measurename messstelle messgröße messgroesse datapoint
-    datenpunkt series seriesname bezeichnung nodeid displayname browsename entityid topic key"""
+    channelid kanal kanalname canale signal signalname segnale sensor sensorname sensorid point pointname
+    pointid item itemid itemname field parameter metric measurement measurand measurename messstelle messgröße
+    messgroesse datapoint datenpunkt series seriesname bezeichnung nodeid displayname browsename entityid topic
+    key"""
 )
 PLACES = _set("device deviceid devicename host asset location")  # name a series too, beside what is measured there
 VALUES = _set(

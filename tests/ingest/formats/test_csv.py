@@ -381,6 +381,11 @@ def test_a_time_column_is_recognised(
             S_NS // 2,
             "s from the start, dated by Zeitstempel",
         ),
+        (
+            "Datum;Uhrzeit;t_s;T\n01.03.2024;09:00:00;0;1\n01.03.2024;09:00:01;1;2\n",
+            S_NS,
+            "day.month.year in Europe/Berlin",
+        ),
     ],
 )
 def test_a_date_beside_a_column_that_counts_is_not_lost(tmp_path: Path, text: str, second_ns: int, says: str) -> None:

@@ -138,6 +138,40 @@ def test_a_sheet_is_the_first_with_a_table_or_the_one_that_is_told(tmp_path: Pat
     assert read_bench(b'schema = "whyhot.bench/1"\n[time.xlsx]\nsheet = "B"\n', "b").time_of["xlsx"].sheet == "B"
 
 
+def test_a_hidden_sheet_is_read_where_no_other_holds_a_table(tmp_path: Path) -> None:
+    table: Sheet = [["t", "T"], [0, 20], [1, 21]]
+    path = write(tmp_path / "log.xlsx", Alt=table, Neu=[["t", "n"], [0, 5], [1, 6]], Text=[["Bericht"]])
+    book = openpyxl.load_workbook(path)
+    book["Alt"].sheet_state = "hidden"
+    book.save(path)
+    log, _, columns = read(path)
+    assert (columns, log.settings["other_sheets"]) == ({"n": [5, 6]}, ["Text", "Alt"])
+    del book["Neu"]
+    book.save(path)
+    assert read(path)[2] == {"T": [20, 21]}
+
+
+def test_cells_that_are_merged_above_the_names_are_no_names(tmp_path: Path) -> None:
+    """With dates as the numbers that a spreadsheet keeps them as, and a cell that holds an error."""
+    head = [["Zeit", "Temperaturen", None], [None, "T_w [°C]", "T_j [°C]"]]
+    rows = [[45352.375 + k / 86_400, "#DIV/0!" if k == 1 else 20 + k, 30 + k] for k in range(4)]
+    path = write(tmp_path / "log.xlsx", A=[["Prüfung 7"], *head, *rows])
+    book = openpyxl.load_workbook(path)
+    for merged in ("A1:C1", "B2:C2", "A2:A3"):
+        book["A"].merge_cells(merged)
+    book.save(path)
+    log, t_ns, columns = read(path)
+    assert [round(t / 1e9) for t in t_ns] == [MIDNIGHT_NS // S_NS + 9 * 3600 + k for k in range(4)]
+    np.testing.assert_array_equal(columns["T_w [°C]"], [20, np.nan, 22, 23])
+    assert (columns["T_j [°C]"], log.settings["header_line"]) == ([30, 31, 32, 33], 3)
+
+
+def test_a_sheet_may_be_a_long_table(tmp_path: Path) -> None:
+    rows = [[tag, MIDNIGHT + timedelta(seconds=k), 20.0 + k] for k in range(3) for tag in ("T", "n")]
+    log, _, columns = read(write(tmp_path / "log.xlsx", A=[["Tag", "Zeit", "Wert"], *rows]))
+    assert (columns, log.found) == ({"T": [20, 21, 22], "n": [20, 21, 22]}, 6)
+
+
 def test_blank_rows_are_no_rows_and_rows_are_counted_as_the_workbook_does(tmp_path: Path) -> None:
     rows: Sheet = [[], ["t", "T"], [0, 20], [], [1, "x"], [2, 22], [3, 23]]
     log, t_ns, _ = read(write(tmp_path / "log.xlsx", A=rows))
