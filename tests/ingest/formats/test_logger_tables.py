@@ -5,6 +5,7 @@ Each text is made after public descriptions of the program, with three rows of T
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import pytest
 
 from ingest.errors import UnreadableLogError
 from made.tables import read, same
+from replay.cli import main
 
 NAN = float("nan")
 S_NS = 1_000_000_000
@@ -238,3 +240,21 @@ def test_words_among_the_rows_are_no_header(tmp_path: Path) -> None:
     path.write_text("t;T;note\n0;20;start time\n1;21;\nmean time;max;min\n2;22;\n")
     log, _, columns = read(path)
     assert (columns["T"], [one.where for one in log.rejected]) == ([20, 21, 22], ["line 4, column t"])
+
+
+def test_series_are_ingested_with_their_own_times(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """No stamp stands twice, no clock steps back, and a column that two tables have is one channel."""
+    rates, tables, store = tmp_path / "rates.csv", tmp_path / "tables.csv", ["--store", str(tmp_path / "store")]
+    rates.write_text("Time;T;Time;n\n0,0;20;0;5\n0,1;21;1;6\n0,2;22;;\n")
+    tables.write_text(ONE + "Zeit;n;T\n14.03.2025 08:00:01;5;30\n14.03.2025 08:00:02;6;31\n")
+    assert main(["ingest", str(rates), str(tables), *store]) == 0
+    said = capsys.readouterr().out
+    assert said.count("decoded 5 ") == said.count("decoded 4 ") == 1
+    assert "clock" not in said and "stamp" not in said
+    query = "SELECT channel, t_ns // 100000000 % 100 AS t, value FROM samples WHERE NOT doubled"
+    assert main(["sql", f"{query} ORDER BY t_ns < 1000000000000, channel, t_ns, value", "--json", *store]) == 0
+    rows = [tuple(row.values()) for row in json.loads(capsys.readouterr().out)["rows"]]
+    assert rows == [
+        *(("T", 0, 20.5), ("T", 10, 21.5), ("T", 10, 30), ("T", 20, 31), ("n", 10, 5), ("n", 20, 6)),
+        *(("T", 0, 20), ("T", 1, 21), ("T", 2, 22), ("n", 0, 5), ("n", 10, 6)),
+    ]
