@@ -62,7 +62,8 @@ def locate(store: Store, facts: Facts, decode: DecodeCompleted, records: Sequenc
                 found |= {
                     one: Located(one, log.places.get(one), *_read(batch, i)) for i, one in _sought(batch, log.sought)
                 }
-                if len(batch.record) and batch.record[-1] >= log.sought[-1]:
+                beyond = isinstance(batch, Frames) and len(batch.record) and batch.record[-1] >= log.sought[-1]
+                if beyond or len(found) == len(log.sought):  # series of a table come one after another
                     break
         except UnreadableLogError:  # cut behind what could be read: what was found before stands
             pass

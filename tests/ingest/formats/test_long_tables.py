@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pyarrow as pa
@@ -173,6 +174,8 @@ def test_a_long_table_is_ingested_as_its_channels(tmp_path: Path, capsys: pytest
     said = capsys.readouterr().out
     assert "decoded 4 · unknown id 0 · wrong length 0 · rejected 0 = 4 in the file" in said
     assert "clock" not in said and "stamp" not in said
+    assert main(["lineage", "log.csv:3", *store]) == 0
+    assert re.search(r"\nRecord 3 +log\.csv, line 5, byte 206; .+; n 6\.0\n", capsys.readouterr().out)
     query = "SELECT channel, value FROM samples WHERE NOT doubled ORDER BY channel, t_ns"
     assert main(["sql", query, "--json", *store]) == 0
     rows = [tuple(row.values()) for row in json.loads(capsys.readouterr().out)["rows"]]
