@@ -130,7 +130,7 @@ def _units_above(lines: Sequence[str], names: Sequence[str], delimiter: str) -> 
 
 
 def _heads_units(row: Sequence[str]) -> bool:
-    return row[0].casefold().rstrip(":") in UNIT_WORDS
+    return bool(row) and row[0].casefold().rstrip(":") in UNIT_WORDS
 
 
 def holds_table(lines: Sequence[str]) -> bool:
@@ -164,7 +164,7 @@ def _above_header(lines: Sequence[str], delimiter: str) -> int:
     line of names above the first row of data. 0 where there is none."""
     table = [[cell.strip() for cell in cells(line, delimiter)] for line in lines]
     usual = _usual(table[len(table) // 2 :])
-    fitting = [place for place, row in enumerate(table) if usual <= len(row) <= usual + (not row[-1])]
+    fitting = [place for place, row in enumerate(table) if usual <= len(row) <= usual + (row[-1:] == [""])]
     below = [table[place] for place in fitting[len(fitting) // 2 :][:SAMPLE_BODY]]
     columns = zip(*(row[:usual] for row in below), strict=True)
     valued = [i for i, column in enumerate(columns) if _holds_values(column)]
