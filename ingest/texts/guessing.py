@@ -26,7 +26,7 @@ _BY_UNIT = {unit: quantity for quantity, units in _OF_UNIT.items() for unit in u
 _BY_NAME: Mapping[str, str] = {
     "temperature": "temp|therm|termo|celsius|_t_?c_",
     "speed": "speed|spd|drehzahl|_rpm_|velocit|_giri|vitesse|^_n_|_nmot_|_omega_",
-    "torque": "torque|_trq_|_tq_|drehmoment|coppia|couple|_md_",
+    "torque": "torque|_trq_|_tq_|drehmoment|_moment_|coppia|couple|_md_",
     "flow": "flow|durchfluss|volumenstrom|portata|debit|débit|_vdot_",
     "power": "power|leistung|potenza|puissance|_pwr_|_p_?el",
     "flux": "flux|verkettung|_psi_",

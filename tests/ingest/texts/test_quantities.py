@@ -185,6 +185,7 @@ def test_a_unit_row_contradicts_only_what_it_says_otherwise(
         ("Temperatur_Wicklung", None, "temperature"),
         ("velocità", None, "speed"),
         ("coppia", None, "torque"),
+        ("Moment", None, "torque"),
         ("corrente_fase", None, "current"),
         ("Termocoppia1", None, "temperature"),
         ("stator_winding", None, "temperature"),
