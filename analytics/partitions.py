@@ -11,7 +11,7 @@ Other programs read them as they are (hive partitions); `cycles`, `dc_checks` an
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from hashlib import sha256
 from itertools import groupby
@@ -61,10 +61,10 @@ class Partition:
         return self.place(folder) / f"{self.digest}-{sha256(content).hexdigest()}.parquet"
 
 
-def create(connection: duckdb.DuckDBPyConnection, folder: Path | None, code: str) -> None:
+def create(connection: duckdb.DuckDBPyConnection, folder: Path | None, code: str) -> dict[Partition, Path | None]:
     """Fill the tables of what logs say of insulation, from the partitions in `folder` and, where one is not there, from
-    the logs. Partitions that were made are written, those of other facts or other `code` removed. `folder`: None where
-    nothing is kept. Raises OSError where it cannot be written."""
+    the logs. `folder`: None where nothing is kept; `code`: which code reads them. Returns the file of each partition,
+    None where it has none."""
     connection.execute(statement("parts"))
     parts = {part: part.file(folder) if folder else None for part in _parts(connection, code)}
     for part, file in parts.items():
@@ -77,10 +77,15 @@ def create(connection: duckdb.DuckDBPyConnection, folder: Path | None, code: str
             _insert(connection, "asked", sessions)
             connection.execute(f"INSERT INTO base.{holds} BY NAME {statement(holds)}")
     connection.execute("DELETE FROM base.asked")
-    if folder:
-        parts |= {part: _write(connection, part, folder) for part in missing}
-        for old in {file for file in folder.rglob("*") if file.is_file()} - {*parts.values()}:
-            old.unlink(missing_ok=True)  # another process was first
+    return parts
+
+
+def keep(connection: duckdb.DuckDBPyConnection, folder: Path, parts: Mapping[Partition, Path | None]) -> None:
+    """Write the partitions that have no file yet, and remove those of other facts or other code. Raises OSError where
+    `folder` cannot be written."""
+    kept = {file or _write(connection, part, folder) for part, file in parts.items()}
+    for old in {file for file in folder.rglob("*") if file.is_file()} - kept:
+        old.unlink(missing_ok=True)  # another process was first
 
 
 def _parts(connection: duckdb.DuckDBPyConnection, code: str) -> list[Partition]:

@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING, Any
 import duckdb
 
 from analytics.errors import AnalyticsError, LostFileError, QueryError, RefusedQueryError
-from analytics.scans import damaged
 from analytics.warehouse import MACROS, MEMORY, VIEWS, Warehouse, refresh
 from ingest.texts.nearest import nearest
 
@@ -73,7 +72,7 @@ def run(
             "with --seconds"
         ) from None
     except duckdb.Error as error:
-        raise _explained(connection, error) from None
+        raise _explained(error) from None
     return QueryResult(
         columns=_unique([name for name, _ in columns]),
         types=tuple(kind for _, kind in columns),
@@ -179,7 +178,7 @@ def _tree(connection: duckdb.DuckDBPyConnection, sql: str) -> dict[str, Any]:
     except duckdb.InterruptException:
         raise
     except duckdb.Error as error:
-        raise _explained(connection, error) from None
+        raise _explained(error) from None
     except RecursionError:
         raise RefusedQueryError("SQL: is nested too deeply: use WITH to name its parts") from None
     if tree.get("error"):
@@ -209,7 +208,7 @@ def _unique(names: list[str]) -> tuple[str, ...]:
     )
 
 
-def _explained(connection: duckdb.DuckDBPyConnection, error: duckdb.Error) -> AnalyticsError:
+def _explained(error: duckdb.Error) -> AnalyticsError:
     """DuckDB's complaint as one line, with the names that were probably meant."""
     said = " ".join(re.split(r"\n\s*\n|\nLINE \d", str(error))[0].split())
     said = re.sub(r"^[A-Za-z ]*Error: ", "", said)
@@ -228,9 +227,5 @@ def _explained(connection: duckdb.DuckDBPyConnection, error: duckdb.Error) -> An
         return RefusedQueryError(f"SQL: {said}: a query reads the views of this store only ({', '.join(VIEWS)})")
     if "pytz" in said:
         return QueryError("SQL: a time with a zone cannot be shown: cast it, as in now()::TIMESTAMP")
-    if "TProtocolException" in said or (
-        isinstance(error, duckdb.IOException | duckdb.InvalidInputException) and ".parquet" in said
-    ):
-        return QueryError(f"SQL: {damaged(connection) or f'{said[:300]}: `whyhot verify --read` finds the file'}")
     advice = "" if "Candidate" in said or "Did you mean" in said else ". `DESCRIBE samples` lists the columns of a view"
     return QueryError(f"SQL: {said[:400]}{advice}")

@@ -34,14 +34,14 @@ def rebuild(store: Store, redecode: Callable[[Store, Facts], object], verify: bo
     before, where that could still be read. Raises what `redecode` and `warehouse.refresh` raise.
     """
     before, notes = _before(store) if verify else ({}, ())
-    redecode(store, folding.at(store.ledger))
+    facts = folding.at(store.ledger)
+    named = {(one.decode, file): sha256 for one in facts.decodes.values() for file, sha256 in one.products.items()}
+    redecode(store, facts)
     (store.folder / warehouse.FILE).unlink(missing_ok=True)
     shutil.rmtree(store.folder / partitions.FOLDER, ignore_errors=True)
     with warehouse.refresh(store) as made:
         after = warehouse.digest(made.connection) if verify else {}
         changed = [made.left_out] if made.left_out else []
-    decodes = folding.at(store.ledger).decodes.values()
-    named = {(one.decode, file): sha256 for one in decodes for file, sha256 in one.products.items()}
     changed += [f"view {view}: holds other rows than before" for view in before if before[view] != after[view]]
     return Rebuilt(
         products=len(named),

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from importlib import resources
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 import pyarrow as pa
@@ -23,6 +24,7 @@ import pyarrow.parquet as pq
 from analytics.columns import AGEING, RESIDUALS, TEMPERATURES, VALUES
 from analytics.errors import WarehouseError
 from analytics.reached import at
+from ingest.facts.durable import sha256_of
 
 if TYPE_CHECKING:
     import duckdb
@@ -37,10 +39,17 @@ FILE = "whyhot file"  # name of the scan's column with the path: no signal is ca
 SUFFIX = "_degC"
 READ = ["temperatures", "residuals", *AGEING]  # kinds of artefacts
 FILES = """
-SELECT file, 'samples', 'whyhot rebuild' FROM base.groups
-UNION SELECT file, kind, again FROM base.artefacts WHERE kind IN (SELECT unnest(?)) ORDER BY ALL
+SELECT file, 'samples', 'whyhot rebuild', sha256 FROM base.groups
+UNION SELECT file, kind, again, sha256 FROM base.artefacts WHERE kind IN (SELECT unnest(?)) ORDER BY ALL
 """
+OPENED = "SELECT DISTINCT path FROM duckdb_logs_parsed('FileSystem') WHERE fs = 'LocalFileSystem'"
 MANY = 64  # sessions that a file may hold for each of its rows to be held against all of them
+
+
+def named(connection: duckdb.DuckDBPyConnection) -> list[tuple[str, str, str, str | None]]:
+    """The Parquet files that the views read: path, kind of what they hold, what brings it back, and their SHA-256, None
+    where no event says it."""
+    return connection.execute(FILES, [READ]).fetchall()
 
 
 def readable(connection: duckdb.DuckDBPyConnection, bucket: Bucket | None = None) -> Schemas:
@@ -49,7 +58,7 @@ def readable(connection: duckdb.DuckDBPyConnection, bucket: Bucket | None = None
     found: dict[str, Schema] = {}
     alike: dict[Schema, Schema] = {}  # kept once
     lost = []
-    for file, kind, again in connection.execute(FILES, [READ]).fetchall():
+    for file, kind, again, _ in named(connection):
         try:
             schema = _schema(bucket, file)
             found[file] = alike.setdefault(schema, schema)
@@ -70,17 +79,19 @@ def is_readable(bucket: Bucket | None, file: str) -> bool:
         return False
 
 
-def damaged(connection: duckdb.DuckDBPyConnection) -> str | None:
-    """Of the Parquet files on this disk that the views read, the first with a page that cannot be read, in one line."""
-    for file, kind, again in connection.execute(FILES, [READ]).fetchall():
-        try:
-            with pq.ParquetFile(file, page_checksum_verification=True) as opened:
-                opened.read()
-        except FileNotFoundError:
-            continue
-        except (pa.ArrowException, OSError):
-            return f"{file}: is damaged: no answer has these {kind}; next: {again}"
-    return None
+def watch(connection: duckdb.DuckDBPyConnection) -> None:
+    """Let `connection` note from here on which files it opens, for `check`."""
+    connection.execute("CALL enable_logging('FileSystem')")
+
+
+def check(connection: duckdb.DuckDBPyConnection, files: Iterable[tuple[str, str, str, str | None]]) -> None:
+    """Of `files`, hold those on this disk that `connection` has opened since it was last asked against their SHA-256:
+    DuckDB checks no CRC of a page, and a footer has none. Raises WarehouseError for the first that is another."""
+    opened = {path for (path,) in connection.execute(OPENED).fetchall()}
+    connection.execute("CALL truncate_duckdb_logs()")
+    for file, kind, again, sha256 in files:
+        if file in opened and sha256 and not _is_whole(Path(file), sha256):
+            raise WarehouseError(f"{file}: is damaged: no answer has these {kind}; next: {again}")
 
 
 def create(connection: duckdb.DuckDBPyConnection, schemas: Schemas) -> None:
@@ -179,6 +190,15 @@ def _view(
     connection.execute(
         f"CREATE VIEW base.{view} AS SELECT file::VARCHAR AS file, {casts} FROM (\n{union}\n) AS f({declared})"
     )
+
+
+def _is_whole(file: Path, sha256: str) -> bool:
+    try:
+        return sha256_of(file) == sha256
+    except FileNotFoundError:  # what was asked of it has failed
+        return True
+    except OSError:
+        return False
 
 
 def _schema(bucket: Bucket | None, file: str) -> Schema:

@@ -49,7 +49,8 @@ def rows(store: Store, facts: Facts, recorded: Sequence[Recorded]) -> dict[str, 
         "channels": _channels(facts, used),
         "runs": _runs(facts, recorded),
         "artefacts": [
-            {"run": run, "kind": kind, "file": str(store.archive.path(sha256).absolute()), "again": again[sha256].mend}
+            {"run": run, "kind": kind, "file": str(store.archive.path(sha256).absolute()), "sha256": sha256}
+            | {"again": again[sha256].mend}
             for run, kind, sha256 in _artefacts(facts)
             if sha256 not in gone.files
         ],
@@ -108,6 +109,7 @@ def _groups(store: Store, facts: Facts, used: Iterable[str]) -> Rows:
             "decode": decode,
             "group_name": group["name"],
             "file": str((store.decoded(decode) / group["file"]).absolute()),
+            "sha256": facts.decodes[decode].products.get(group["file"]),
             "doubled": group["name"] in facts.decodes[decode].settings.get("clock", {}).get("doubled", ()),
         }
         for decode in sorted(used)

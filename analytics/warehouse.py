@@ -74,8 +74,14 @@ class Warehouse:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self.connection.close()
+    def __exit__(self, _: object, error: BaseException | None, __: object) -> None:
+        """Raises WarehouseError where a file that was read is damaged: then no answer holds that it had part in."""
+        with contextlib.closing(self.connection):
+            if error is None:
+                scans.check(self.connection, scans.named(self.connection))
+            elif isinstance(error, Exception):
+                with contextlib.suppress(duckdb.Error):  # there are errors after which DuckDB answers nothing more
+                    scans.check(self.connection, scans.named(self.connection))
 
 
 class _Stale(Exception):
@@ -138,7 +144,8 @@ def connect(folder: str | Path, as_of: str | None = None) -> duckdb.DuckDBPyConn
     """A connection to the warehouse of the store in `folder`, for notebooks; `refresh` says what it is.
 
     It cannot leave the store: no other file, no network, no extension, no setting. `analytics.query` also refuses
-    statements that write, this raw connection leaves them to DuckDB. What `refresh` notes comes as a warning.
+    statements that write, this raw connection leaves them to DuckDB. What `refresh` notes comes as a warning. Files are
+    not held against their SHA-256, as they are for `whyhot sql`: `whyhot verify --read` does that.
     """
     from ingest.facts.store import Store
 
@@ -176,11 +183,22 @@ def fill(
     del content, left
     schemas = scans.readable(connection, bucket)
     connection.execute(scans.statement("segments"))
-    doubled.find(connection, schemas)
-    scans.create(connection, schemas)
-    for part in SAMPLES:
-        connection.execute(scans.statement(part))
-    partitions.create(connection, kept, " ".join((source or {}).get(what, "") for what in ("analytics", "duckdb")))
+    named = scans.named(connection)
+    scans.watch(connection)
+    try:
+        doubled.find(connection, schemas)
+        scans.create(connection, schemas)
+        for part in SAMPLES:
+            connection.execute(scans.statement(part))
+        code = " ".join((source or {}).get(what, "") for what in ("analytics", "duckdb"))
+        parts = partitions.create(connection, kept, code)
+    except Exception:  # damage shows in many ways
+        connection.rollback()  # else nothing more can be asked
+        scans.check(connection, named)
+        raise
+    scans.check(connection, named)
+    if kept:
+        partitions.keep(connection, kept, parts)
     for part in (*VIEWS[len(SAMPLES) :], *MACROS):
         connection.execute(scans.statement(part))
     connection.commit()
@@ -194,6 +212,7 @@ def confine(connection: duckdb.DuckDBPyConnection) -> None:
     where the system keeps temporary files, made when it is needed and gone when the connection closes; what questions
     that were killed left there goes with the next one.
     """
+    scans.watch(connection)
     temporary = Path(tempfile.gettempdir()).resolve()
     _sweep(temporary, SPILLING)
     spill = temporary / f"{SPILLING}{uuid4().hex}"

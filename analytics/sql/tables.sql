@@ -29,8 +29,8 @@ CREATE TABLE base.sessions (
 CREATE TABLE base.session_files (session VARCHAR, raw VARCHAR, decode VARCHAR, first_record BIGINT, last_record BIGINT);
 
 -- `file`: the whole path of a Parquet file, spelled as the scan of it spells it.
--- `doubled`: some of its stamps come twice.
-CREATE TABLE base.groups (decode VARCHAR, group_name VARCHAR, file VARCHAR, doubled BOOLEAN);
+-- `sha256`: of its bytes, as the event says that names it. `doubled`: some of its stamps come twice.
+CREATE TABLE base.groups (decode VARCHAR, group_name VARCHAR, file VARCHAR, sha256 VARCHAR, doubled BOOLEAN);
 
 -- Filled by analytics/doubled.py. `channel`: null where all channels of the record are meant.
 CREATE TABLE base.doubled (file VARCHAR, record BIGINT, channel VARCHAR);
@@ -47,7 +47,7 @@ CREATE TABLE base.runs (
 );
 
 -- `again`: what brings the file back where it is missing.
-CREATE TABLE base.artefacts (run VARCHAR, kind VARCHAR, file VARCHAR, again VARCHAR);
+CREATE TABLE base.artefacts (run VARCHAR, kind VARCHAR, file VARCHAR, sha256 VARCHAR, again VARCHAR);
 
 -- Filled by analytics/scans.py: files that could not be read and are in no view, `kind` as in `artefacts` or `samples`.
 CREATE TABLE base.left_out (file VARCHAR, kind VARCHAR, says VARCHAR, again VARCHAR);

@@ -4,17 +4,30 @@ from __future__ import annotations
 
 import random
 import sqlite3
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from analytics import query, scans, warehouse
+from analytics.errors import AnalyticsError
 from benchmarks.attack import subjects
 from benchmarks.attack.outcome import Arena, Attack, Outcome
 from ingest.errors import IngestError
 from ingest.facts.store import Store
 
 BLOCK = 512  # bytes
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What is read of a store that nothing is wrong with: its events, the view in SQL of each Parquet file, and what it
+    answers of each view."""
+
+    events: list[Any] | None
+    views: Mapping[Path, str]
+    answers: Mapping[str, list[Any]]
 
 
 def _rows(ledger: Path) -> list[Any] | None:
@@ -32,8 +45,32 @@ def _files(store: Path) -> list[Path]:
     return [path for path in [parts[0], *sorted(parts[1:])] if path.is_file()]
 
 
-def _damaged(store: Path, path: Path, harm: Callable[[bytes], bytes], true_rows: list[Any] | None) -> str | None:
-    """What is wrong with how `verify` takes a harmed file; None where the harm changes nothing that is read, too."""
+def _views(store: Path) -> dict[Path, str]:
+    """The Parquet files that SQL reads, each with the view of it."""
+    with Store.open(store) as opened, warehouse.refresh(opened) as asked:
+        return {Path(file): kind for file, kind, *_ in scans.named(asked.connection)}
+
+
+def _answer(store: Path, view: str) -> tuple[list[Any], str | None]:
+    """What SQL says of all rows of a view, and of files that it left out."""
+    with Store.open(store) as opened:
+        found, asked = query.ask(opened, f"SELECT count(*), sum(hash(t)) FROM {view} AS t")
+    return found.rows, asked.left_out
+
+
+def _misled(store: Path, path: Path, view: str, true: list[Any]) -> str | None:
+    """What is wrong with the answer of SQL where a Parquet file is harmed."""
+    try:
+        rows, left_out = _answer(store, view)
+    except AnalyticsError as error:
+        return None if path.name in str(error) else f"sql names no file: {error}"
+    named = left_out is not None and path.name in left_out
+    return None if rows == true or named else "sql answers otherwise, and says nothing of it"
+
+
+def _damaged(store: Path, path: Path, harm: Callable[[bytes], bytes], true: Truth) -> str | None:
+    """What is wrong with how `verify` and `sql` take a harmed file; None where the harm changes nothing that is read,
+    too."""
     whole, ledger = path.read_bytes(), path.name == "ledger.sqlite"
     harmed = harm(whole)
     if harmed == whole:
@@ -41,8 +78,10 @@ def _damaged(store: Path, path: Path, harm: Callable[[bytes], bytes], true_rows:
     path.chmod(0o644)
     path.write_bytes(harmed)
     try:
-        if ledger and _rows(path) == true_rows:
+        if ledger and _rows(path) == true.events:
             return None
+        if (view := true.views.get(path)) and (says := _misled(store, path, view, true.answers[view])):
+            return says
         found = _found(store)
         if not found:
             return "nothing was found"
@@ -71,11 +110,12 @@ def _attacked(arena: Arena, harms: Callable[[bytes, random.Random], Callable[[by
     store = subjects.copied(arena.bench, arena.folder / "bench") / "store"
     with Store.open(store, write=True):
         pass  # the ledger whole in one file
-    files, rows = _files(store), _rows(store / "ledger.sqlite")
+    files, views = _files(store), _views(store)
+    true = Truth(_rows(store / "ledger.sqlite"), views, {view: _answer(store, view)[0] for view in {*views.values()}})
     for number in range(arena.tries):
         path = files[0] if number % 2 else chance.choice(files[1:])
         harm = harms(path.read_bytes(), chance)
-        says = _damaged(store, path, harm, rows)
+        says = _damaged(store, path, harm, true)
         outcome.count(*[f"{path.relative_to(store)}, try {number}: {says}"] * bool(says))
     if found := subjects.damages(store):
         outcome.failed.append(f"the store that was put back: {found[0]}")
@@ -119,6 +159,6 @@ def pieces(arena: Arena) -> Outcome:
 
 
 ATTACKS = (
-    Attack("T7", "a flipped bit at rest", "found and named wherever a read would differ", 35_000, 60, bits),
+    Attack("T7", "a flipped bit at rest", "found and named wherever a read would differ, sql among them", 35_000, 60, bits),
     Attack("T8", "cut, zeroed, exchanged blocks", "as T7", 3000, 12, pieces),
 )

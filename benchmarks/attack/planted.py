@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
+from analytics import scans
 from benchmarks.attack import faults, flips, kills, logs, tampering, together, unsynced
 from benchmarks.attack.children import result_of
 from benchmarks.attack.outcome import Arena, Attack, Outcome
@@ -156,6 +157,7 @@ FAULTS = (
     Fault("verify does not read decoded files", _set(store_check, "_check_products", _nothing), flips.bits, 200),
     Fault("a sealed file is not hashed", _set(Archive, "damage", lambda *_: None), flips.bits, 200),
     Fault("a decoded file is not hashed", _set(store_check, "_changed", lambda *_: None), flips.bits, 200),
+    Fault("sql does not hash what it reads", _set(scans, "check", _nothing), flips.bits, 200),
     Fault("two sealed files exchanged are not seen", _set(Archive, "damage", lambda *_: None), tampering.tampered, 45),
     Fault("digests are not compared", _history_unchecked, tampering.tampered, 450),
     Fault("positions are not counted", _set(LedgerHistory, "_count", _nothing), tampering.tampered, 150),

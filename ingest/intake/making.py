@@ -9,7 +9,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -178,8 +178,8 @@ class _Sealed:
 def redecode(
     store: Store, known: Facts, workers: Workers | None = None, tell: Callable[[str], None] = lambda _: None
 ) -> None:
-    """Make recording and samples of every decode again from sealed bytes; `tell` hears what is made. Raises DamageError
-    where these changed."""
+    """Make recording and samples of every decode again from sealed bytes, and append what they are where that is not
+    what the event named; `tell` hears what is made. Raises DamageError where the sealed bytes changed."""
     work = store.work().absolute()
     shared = InProcess(known) if workers is None else share(known.whole(), work)
     wanted = [key for key, one in known.decodes.items() if one.outcome != "quarantined"]
@@ -192,6 +192,9 @@ def redecode(
                 raise IngestError(f"{known.files[known.decodes[job.decode].raw].name}: {done.why}")
             store.publish(made_in(job.own, done), done.decode)
             shutil.rmtree(job.own)
+            named = known.decodes.get(done.decode)
+            if named and named.products != done.products:  # another version of Arrow writes other bytes
+                store.ledger.append(f"file-{named.raw}", replace(named, products=done.products))
 
 
 def _again_alone(job: _Sealed) -> DecodeCompleted:

@@ -11,6 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from ingest.facts.durable import sha256_of
 from ingest.facts.events import (
     BenchRegistered,
     DecodeCompleted,
@@ -77,6 +78,7 @@ def decoded(
             balance={"found": found, "decoded": found - sum(lost.values()), **lost},
             groups=groups,
             channels=channels,
+            products={path.name: sha256_of(path) for path in on_disk(store.decoded(decode)).glob("*.parquet")},
         ),
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import shutil
 from collections.abc import Iterator
 from hashlib import sha256
@@ -14,9 +15,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from analytics import partitions, warehouse
+from analytics.errors import AnalyticsError
 from analytics.query import run
 from ingest.facts.store import Store
-from made.insulation_logs import Columns, add_log
+from made.insulation_logs import Columns, add_log, decoded_anew
 from made.places import on_disk
 
 MONTH_h = 31 * 24.0
@@ -85,7 +87,8 @@ def test_a_new_log_touches_its_own_partitions_and_no_other_log_is_read(store: St
     before = kept(store)
     log = on_disk(store.decoded(b"oven_1".hex())) / "rows.parquet"
     cooler = pq.read_table(log).drop_columns("EW").append_column("EW", [np.full(361, 20.0)])
-    pq.write_table(cooler, log)  # behind the back of the facts: it would be seen if it were read
+    pq.write_table(cooler, log)  # under its old name: it would be seen if it were read
+    decoded_anew(store, b"oven_1".hex().ljust(64, "0"))
     add_log(store, "check_2", "dc_check", 1.5 * MONTH_h, CHECK, specimen="M1")
     assert ask(store) == [("check_1", 1.0, 0.04), ("check_2", 1.0, 0.04)]
     after = kept(store)
@@ -117,6 +120,20 @@ def test_a_damaged_partition_is_made_again_and_what_is_not_its_own_goes(store: S
     (store.folder / warehouse.FILE).unlink()
     assert ask(store) == [("check", 0.0, 0.04)]
     assert kept(store) == whole
+
+
+def test_nothing_is_kept_of_a_log_whose_samples_are_damaged(store: Store) -> None:
+    add_log(store, "oven", "ageing", 0.0, oven(*[190.0] * 40))
+    path = on_disk(store.decoded(b"oven".hex())) / "rows.parquet"
+    whole = path.read_bytes()
+    for place in range(4, len(whole), len(whole) // 6):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 4]) + whole[place + 1 :])
+        (store.folder / warehouse.FILE).unlink(missing_ok=True)
+        with contextlib.suppress(AnalyticsError):
+            (row,) = ask(store, "SELECT highest_degC, why_no_hours FROM cycles")
+            assert row[1], f"{row} where byte {place} is another"  # it could not be read, and is left out
+    path.write_bytes(whole)
+    assert ask(store, "SELECT highest_degC FROM cycles") == [(190.0,)]
 
 
 def test_logs_read_a_few_at_a_time_give_the_same_partitions(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import random
 import re
 import tempfile
 import time
@@ -12,12 +13,14 @@ from pathlib import Path
 import duckdb
 import pytest
 
-from analytics import warehouse
-from analytics.errors import AnalyticsError, QueryError, RefusedQueryError
+from analytics import scans, warehouse
+from analytics.errors import AnalyticsError, QueryError, RefusedQueryError, WarehouseError
 from analytics.query import LONGEST, ask, run
 from ingest.facts.store import Store
 from made.escapes import ESCAPES, SECRET
 from made.places import on_disk
+
+FLIPS = 12  # of bits in a file
 
 NAMES = ", ".join(warehouse.VIEWS)
 ADVICE = "whyhot sql only reads: SELECT, FROM, WITH, VALUES, DESCRIBE, SHOW TABLES, SUMMARIZE, EXPLAIN"
@@ -185,9 +188,39 @@ def test_a_damaged_page_is_told_with_its_file_and_the_next_command(store: Store)
     ask(store, "FROM sessions")
     whole = path.read_bytes()
     path.write_bytes(whole[:4] + bytes(256) + whole[260:])
-    line = f"SQL: {path.absolute()}: is damaged: no answer has these samples; next: whyhot rebuild"
-    with pytest.raises(QueryError, match=f"^{re.escape(line)}$"):
+    line = f"{path.absolute()}: is damaged: no answer has these samples; next: whyhot rebuild"
+    with pytest.raises(WarehouseError, match=f"^{re.escape(line)}$"):
         ask(store, "SELECT sum(value), sum(t_ns) FROM samples")
+
+
+@pytest.mark.parametrize("kind", ["samples", "temperatures", "residuals"])
+def test_a_flipped_bit_changes_no_answer_unseen(store: Store, kind: str) -> None:
+    view = f"{kind} WHERE session_name = '1_s1'"
+    with warehouse.refresh(store) as opened:
+        true = run(opened.connection, f"FROM {view} ORDER BY ALL").rows
+        file = Path(next(file for file, holds, *_ in scans.named(opened.connection) if holds == kind))
+    file.chmod(0o644)
+    whole, chance, told = file.read_bytes(), random.Random(kind), 0
+    for _ in range(FLIPS):
+        place, bit = chance.randrange(len(whole)), chance.randrange(8)
+        file.write_bytes(whole[:place] + bytes([whole[place] ^ 1 << bit]) + whole[place + 1 :])
+        try:
+            found, asked = ask(store, f"FROM {view} ORDER BY ALL")
+            assert found.rows == true or file.name in str(asked.left_out), f"bit {bit} of byte {place}"
+        except AnalyticsError as error:
+            assert re.fullmatch(f".*{file.name}.*", str(error)), f"bit {bit} of byte {place}"
+            told += 1
+    assert told > FLIPS / 2
+    file.write_bytes(whole)
+    assert ask(store, f"FROM {view} ORDER BY ALL")[0].rows == true
+
+
+def test_a_damaged_file_stops_no_question_that_does_not_read_it(store: Store) -> None:
+    path = on_disk(store.decoded("d1")) / "drive.parquet"
+    ask(store, "FROM sessions")
+    path.write_bytes(path.read_bytes()[:-20] + bytes(8) + path.read_bytes()[-12:])
+    assert ask(store, "SELECT count(*) FROM sessions")[0].rows == [(3,)]
+    assert ask(store, "SELECT max(residual_K) FROM residuals")[0].rows == [(3.0,)]
 
 
 @pytest.mark.parametrize("brackets", [20_000, LONGEST])

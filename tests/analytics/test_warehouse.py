@@ -25,6 +25,7 @@ from ingest.facts.sessions import Override
 from ingest.facts.store import Store
 from ingest.intake.intake import take_in
 from ingest.intake.setup import prepare
+from made.insulation_logs import decoded_anew
 from made.places import on_disk
 from made.tables import ONE_CHANNEL
 
@@ -376,10 +377,9 @@ def test_a_missing_file_of_a_run_says_which_replay_makes_it_again(store: Store) 
 
 
 def test_files_of_other_schemas_are_read_beside_each_other(store: Store) -> None:
-    pq.write_table(
-        pa.table({"t_ns": [START], "record": [0], "oven_degC": [200]}),  # an integer column, and fewer of them
-        on_disk(store.decoded("d2")) / "rows.parquet",
-    )
+    path = on_disk(store.decoded("d2")) / "rows.parquet"
+    pq.write_table(pa.table({"t_ns": [START], "record": [0], "oven_degC": [200]}), path)  # integers, and fewer columns
+    decoded_anew(store, "2" * 64)
     assert ask(store, "SELECT value FROM samples WHERE channel = 'oven'") == [(200.0,)]
 
 

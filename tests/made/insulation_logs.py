@@ -9,6 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import ArrayLike
 
+from ingest.facts.durable import sha256_of
 from ingest.facts.events import DecodeCompleted, RawFileSealed, SessionRecorded
 from ingest.facts.store import Store
 from ingest.texts.quantities import STORED_UNIT
@@ -18,6 +19,14 @@ HOUR_s = 3600
 START_NS = 1_760_000_000 * 10**9
 STEP_s = 10.0
 Columns = dict[str, tuple[str, str | None, ArrayLike]]  # channel -> quantity, node, values
+
+
+def decoded_anew(store: Store, raw: str) -> None:
+    """Append that the log was decoded once more, to what lies in its folder now."""
+    last = store.ledger.events(DecodeCompleted, stream=f"file-{raw}")[-1].event
+    assert isinstance(last, DecodeCompleted)
+    products = {path.name: sha256_of(path) for path in on_disk(store.decoded(last.decode)).iterdir()}
+    store.ledger.append(f"file-{raw}", DecodeCompleted(**{**vars(last), "products": products}))
 
 
 def add_log(
@@ -62,6 +71,7 @@ def add_log(
             balance=balance,
             groups=[{"name": "rows", "file": "rows.parquet"}], channels=channels,
             absolute=absolute, start_ns=first, end_ns=last,
+            products={"rows.parquet": sha256_of(folder / "rows.parquet")},
         ),
     )  # fmt: skip
     store.ledger.append(

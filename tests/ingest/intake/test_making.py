@@ -9,6 +9,7 @@ from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
+import pyarrow.parquet as pq
 import pytest
 
 from ingest.facts import facts
@@ -102,3 +103,28 @@ def test_a_log_at_which_workers_end_is_quarantined_and_stops_no_other(logs: list
         assert again.refusals == []
         assert [line.split(",")[0] for line in said] == [f"{what} 1 of 1: {DEADLY}" for what in ("reading", "decoding")]
         assert len(facts.at(store.ledger).sessions) == 3
+
+
+def test_bytes_of_another_writer_are_what_is_named_from_then_on(
+    logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def again() -> int:
+        """What lies there is what is named; the number of events."""
+        redecode(store, facts.at(store.ledger))
+        decodes = facts.at(store.ledger).decodes
+        named = {f"{key}/{name}": sha256 for key, one in decodes.items() for name, sha256 in one.products.items()}
+        assert made(store) == named
+        return store.ledger.head().position
+
+    with Store.open(tmp_path / "store", create=True, write=True) as store:
+        taken(store, logs[:1], None)
+        first, events = made(store), store.ledger.head().position
+        assert again() == events, "the same bytes are no news"
+        true = pq.ParquetWriter
+        other = {"compression": "snappy", "compression_level": None}
+        monkeypatch.setattr(pq, "ParquetWriter", lambda *args, **named: true(*args, **{**named, **other}))
+        assert again() == events + 1
+        assert {name for name, sha256 in made(store).items() if sha256 != first[name]} == {
+            name for name in first if name.endswith(".parquet")
+        }
+        assert again() == events + 1
