@@ -9,7 +9,8 @@ import random
 import shutil
 import subprocess
 import sys
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext, suppress
 from functools import partial
 from pathlib import Path
 
@@ -36,8 +37,8 @@ CIRCUMSTANCES = (
 
 def circumstances(arena: Arena) -> Outcome:
     """T16: the same logs ingested in any order and replayed, by 1, 2 or 4 workers, in another zone, language and order
-    of hashes, and on a processor that is made to look older."""
-    outcome, chance, old, there = Outcome(), arena.chance, 0, _locales()
+    of hashes, on a processor that is made to look older, and every third time on one that others keep busy."""
+    outcome, chance, old, loaded, there = Outcome(), arena.chance, 0, 0, _locales()
     digests: dict[str, str] = {}
     for number in range(arena.tries):
         said = {**CIRCUMSTANCES[number % len(CIRCUMSTANCES)], "LC_ALL": chance.choice(there)}
@@ -50,22 +51,36 @@ def circumstances(arena: Arena) -> Outcome:
                 shutil.copy(path, folder)
         logs = chance.sample(["1_s1.blf", "2_drive.asc"], 2)
         workers = chance.choice(("1", "2", "4"))
-        for words in ([*subjects.INGEST, *logs], ["replay", "--workers", workers, "--json", "runs.json"]):
-            env = {**os.environ, "PYTHONPATH": str(ROOT), "WHYHOT_STORE": "store", **said}
-            done = subprocess.run(
-                [sys.executable, "-c", CODE, *words], cwd=folder, env=env, capture_output=True, text=True, check=False
-            )
-            if done.returncode:
-                outcome.failed.append(f"{said}: {done.stderr[-300:]}")
+        env = {**os.environ, "PYTHONPATH": str(ROOT), "WHYHOT_STORE": "store", **said}
+        busy = number % 3 == 0
+        loaded += busy
+        with _load() if busy else nullcontext():
+            for words in ([*subjects.INGEST, *logs], ["replay", "--workers", workers, "--json", "runs.json"]):
+                command = [sys.executable, "-c", CODE, *words]
+                done = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, check=False)
+                if done.returncode:
+                    outcome.failed.append(f"{said}: {done.stderr[-300:]}")
         runs = json.loads((folder / "runs.json").read_text())["runs"] if (folder / "runs.json").exists() else []
         other = [run for run in runs if digests.setdefault(run["session"], run["digest"]) != run["digest"]]
         wrong = [f"{said}, workers {workers}, {' '.join(logs)}: {run['session']} has another digest" for run in other]
         outcome.count(*wrong, *[f"{said}: {len(runs)} replays"] * (len(runs) != 2))
     outcome.note = (
-        f"{old} of them with an older processor emulated, in the locales {', '.join(there)}; no load of the processor, "
-        "no big-endian machine"
+        f"{old} of them with an older processor emulated, {loaded} with as many busy processes as processors, in the "
+        f"locales {', '.join(there)}; no big-endian machine"
     )
     return outcome
+
+
+@contextmanager
+def _load() -> Iterator[None]:
+    """As many processes that only count as there are processors."""
+    counting = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(os.cpu_count() or 1)]
+    try:
+        yield
+    finally:
+        for one in counting:
+            one.kill()
+            one.wait()
 
 
 def _locales() -> list[str]:

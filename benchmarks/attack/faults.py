@@ -10,9 +10,11 @@ import errno
 import os
 import resource
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import product
+from pathlib import Path
 
 from benchmarks.attack import children
 from benchmarks.attack.children import Verb
@@ -28,6 +30,7 @@ WAYS = (  # a call fails, and whether all after it fail too; but with EACCES Pyt
     *((error, True) for error in ERRORS if error != errno.EACCES),
 )
 FORMATS = ("blf", "asc", "mf4", "tdms", "csv")
+LIBRARIES = (-signal.SIGABRT, 127)  # exit codes where one in C++ gets no memory, or the linker for a thread
 TRACEBACK = ("Traceback", "Exception ignored")
 
 
@@ -35,10 +38,10 @@ def _refuse(number: int, name: str) -> None:
     raise OSError(number, os.strerror(number), name)
 
 
-def _wrong(whole: Whole, verb: Verb, how: str, before: Callable[[], object]) -> str:
-    """What is wrong with a command that met a fault, and with the same command after it."""
+def _wrong(whole: Whole, verb: Verb, how: str, before: Callable[[], object], ends: Sequence[int] = (0, 1, 2)) -> str:
+    """What is wrong with a command that met a fault, and with the same command after it; `ends`: its exit codes."""
     code, said = verb.ended(before)
-    if code not in (0, 1, 2) or any(word in said for word in TRACEBACK):
+    if code not in ends or any(word in said for word in TRACEBACK):
         return f"{how}: exit code {code}: {said[-300:]}"
     if code == 2 and len([line for line in said.splitlines() if "replaced by the true bytes" not in line]) != 1:
         return f"{how}: more than one line: {said[-300:]}"
@@ -90,9 +93,32 @@ def _no_larger(size: int) -> None:
 
 
 def no_memory(arena: Arena) -> Outcome:
-    """T6: the child that reads a log has less and less memory."""
+    """T6: the child that reads a log has more and more memory, from too little on; a sixth of the tries are replays."""
+    replays = arena.tries // 6
+    outcome, refused = _read_in(arena, arena.tries - replays)
+    for whole in wholes(replace(arena, tries=1, verbs=["replay"])) if replays else ():
+        for number in range(replays):
+            mib = 10 * 2 ** (5 * number // replays)
+            how = f"{whole.verb} in {mib} MiB more than it begins with"
+            verb, less = whole.fresh(arena.folder), partial(_no_more, mib * MIB)
+            outcome.count(*filter(None, [_wrong(whole, verb, how, less, (0, 1, 2, *LIBRARIES))]))
+    outcome.note = (
+        f"{refused} reads of the reader's child refused, {replays} replays; libraries of C that get no memory end the "
+        "process themselves"
+    )
+    return outcome
+
+
+def _no_more(memory: int) -> None:
+    """No more memory from here on than this process has and so much."""
+    used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (used + memory, resource.RLIM_INFINITY))
+
+
+def _read_in(arena: Arena, tries: int) -> tuple[Outcome, int]:
+    """Logs read by a child, and how often it was refused."""
     outcome, refused = Outcome(), 0
-    for number in range(arena.tries):
+    for number in range(tries):
         name, mib = FORMATS[number % len(FORMATS)], 20 + 20 * (number // len(FORMATS))
         how = f"sample.{name} in {mib} MiB"
         reader = Reader()
@@ -106,8 +132,7 @@ def no_memory(arena: Arena) -> Outcome:
             outcome.count(*[f"{how}: {error}"] * (not right))
         finally:
             reader.close()
-    outcome.note = f"the reader's child; {refused} refused; a replay was not tried"
-    return outcome
+    return outcome, refused
 
 
 ATTACKS = (
@@ -115,5 +140,5 @@ ATTACKS = (
         "T4", "a call of the disk fails", "one line, exit code 1 or 2, the same command works after", 1800, 1, io_errors
     ),
     Attack("T5", "the disk is full", "as T4", 200, 1, full_disk),
-    Attack("T6", "memory ends", "refused in one line that says so", 150, 5, no_memory),
+    Attack("T6", "memory ends", "a log: refused in one line that says so; a replay: as T4", 150, 5, no_memory),
 )

@@ -159,6 +159,6 @@ def pieces(arena: Arena) -> Outcome:
 
 
 ATTACKS = (
-    Attack("T7", "a flipped bit at rest", "found and named wherever a read would differ, sql among them", 35_000, 60, bits),
+    Attack("T7", "a flipped bit at rest", "found and named wherever a read or sql would differ", 35_000, 60, bits),
     Attack("T8", "cut, zeroed, exchanged blocks", "as T7", 3000, 12, pieces),
 )

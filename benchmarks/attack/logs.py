@@ -21,10 +21,15 @@ from pathlib import Path
 from types import CodeType, FrameType
 from typing import Any
 
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
 from benchmarks.attack.children import Verb, ended, started
 from benchmarks.attack.outcome import Arena, Attack, Outcome
 from ingest.formats import FORMATS, Format
 from ingest.log.reading import Limits
+from made import mf4
 from made.damaged import PATIENCE_S, read_damaged, sample
 
 EXTREMES = (0, 1, 0x7F, 0x80, 0xFF, 0x7FFF, 0xFFFF, 0x7FFFFFFF, 0xFFFFFFFF, 2**63 - 1, 2**64 - 1)
@@ -175,6 +180,19 @@ def _xlsx(path: Path) -> None:
                 sheet.write(b" " * (1 << 20))
 
 
+def _mf4(path: Path) -> None:
+    file = mf4.Mf4()
+    group = file.group((*mf4.PARTS, mf4.IN_RECORD), ZEROS // mf4.SIZE)
+    file.save(path, file.data_group(group, file.packed(bytes(ZEROS))))
+
+
+def _parquet(path: Path) -> None:
+    part = pa.table({name: np.zeros(1 << 23) for name in ("time", "T")})
+    with pq.ParquetWriter(path, part.schema, compression="zstd") as file:
+        for _ in range(10 * ZEROS // part.nbytes):
+            file.write_table(part)
+
+
 def _text(text: str) -> Callable[[Path], None]:
     def write(path: Path) -> None:
         path.write_text(text, encoding="utf-8")
@@ -193,6 +211,8 @@ BOMBS: Mapping[str, tuple[str, Callable[[Path], None]]] = {
     "one line of an ASC": ("bomb.asc.gz", _gz(b"base hex timestamps absolute\n", b" " * (1 << 20))),
     "a log in a ZIP": ("bomb.zip", _zip),
     "a sheet of an XLSX": ("bomb.xlsx", _xlsx),
+    "a packed block of an MF4": ("bomb.mf4", _mf4),
+    "columns of a Parquet file": ("bomb.parquet", _parquet),
 }
 BOMB_BYTES = 1 << 30
 STARTING_S = 30.0  # beyond what reading a log of its size may take

@@ -7,7 +7,7 @@ import json
 import os
 import random
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -156,39 +156,67 @@ def rebuilt(bench: Bench) -> None:
     bench.wants(0, "rebuild", "--verify")
 
 
-RULES: tuple[tuple[int, Callable[[Bench], None]], ...] = (
+Rule = Callable[[Bench], None]
+Step = tuple[Rule, int]  # and what it draws from
+RULES: tuple[tuple[int, Rule], ...] = (
     *((5, new), (3, again), (3, corrected), (3, taken_back), (3, brought_back), (1, forgotten), (3, remembered)),
     *((1, backed_up), (1, rebuilt)),
 )
 
 
 def sequences(arena: Arena) -> Outcome:
-    """T13: each step is a try; where one fails its sequence ends."""
+    """T13: each step is a try; where one fails its sequence ends, and is made as short as it still fails."""
     outcome, chance = Outcome(), arena.chance
+    rules, weights = [rule for _, rule in RULES], [weight for weight, _ in RULES]
     for number, first in enumerate(range(0, arena.tries, STEPS)):
-        folder = arena.folder / f"run{number}"
-        folder.mkdir()
-        os.chdir(folder)
-        os.environ["WHYHOT_STORE"] = "store"
-        bench = Bench(folder, random.Random(chance.randrange(2**32)))
-        try:
-            _one(bench, min(STEPS, arena.tries - first), outcome)
-        except AssertionError as error:
-            outcome.count(f"run {number}, after {len(bench.did)} commands ({'; '.join(bench.did[-4:])}): {error}")
-        os.chdir(arena.folder)
-        shutil.rmtree(folder)
+        count = min(STEPS, arena.tries - first)
+        steps = [(rule, chance.randrange(2**32)) for rule in chance.choices(rules, weights, k=count)]
+        done, says = _run(steps, arena.folder / "run")
+        outcome.tried += done
+        if says:
+            outcome.count(f"run {number}: {_run(_shortest(steps, arena.folder / 'run'), arena.folder / 'run')[1]}")
     outcome.note = f"sequences of {STEPS} steps, of {len(RULES)} kinds; kills are T1 and T2"
     return outcome
 
 
-def _one(bench: Bench, steps: int, outcome: Outcome) -> None:
-    """A sequence; after each step the store is asked for its sessions, and at the end for every byte."""
+def _shortest(steps: Sequence[Step], folder: Path) -> Sequence[Step]:
+    """Steps that still fail, though not without any one of them."""
+    left = 0
+    while left < len(steps):
+        fewer = [*steps[:left], *steps[left + 1 :]]
+        if _run(fewer, folder)[1]:
+            steps = fewer
+        else:
+            left += 1
+    return steps
+
+
+def _run(steps: Sequence[Step], folder: Path) -> tuple[int, str]:
+    """How many of them were done as they must, and what was wrong with the next, with all commands of it."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    os.chdir(folder)
+    os.environ["WHYHOT_STORE"] = "store"
+    bench, done = Bench(folder, random.Random(0)), 0
+    try:
+        for _ in _each(bench, steps):
+            done += 1
+    except AssertionError as error:
+        return done, f"{'; '.join(bench.did)}: {error}"
+    finally:
+        os.chdir(folder.parent)
+    return done, ""
+
+
+def _each(bench: Bench, steps: Sequence[Step]) -> Iterator[Rule]:
+    """A sequence; after each step the store is asked for its sessions, and at the end for every byte. Each draws from
+    its own seed, so that it does the same where others are left out."""
     new(bench)
-    for _ in range(steps):
-        (rule,) = bench.chance.choices([rule for _, rule in RULES], [weight for weight, _ in RULES])
+    for rule, seed in steps:
+        bench.chance = random.Random(seed)
         rule(bench)
         assert bench.found == bench.says, f"{rule.__name__}: {bench.found} in place of {bench.says}"
-        outcome.count()
+        yield rule
     assert not (wrong := subjects.damages(bench.folder / "store")), wrong[0]
     with Store.open(bench.folder / "store") as store:
         kept = {sha256 for sha256, log in bench.logs.items() if log.state != FORGOTTEN}

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 import sys
-from typing import Any
 
 import duckdb
 import numpy as np
@@ -13,6 +14,7 @@ from benchmarks.attack.children import Verb
 from benchmarks.attack.outcome import Arena, Attack, Outcome
 from ingest.formats._mdf_conversions import conversion
 from made.escapes import ESCAPES, SECRET
+from made.places import ROOT
 
 FORMULAS = (
     "__import__('os').system('touch stolen')",
@@ -40,7 +42,14 @@ ASKED = (
     *(("export", "1_s1", "--to", "csv"), ("morning", "."), ("lineage", "1_s1"), ("stale",), ("head",)),
     *(("rebuild",), ("verify", "--read"), ("backup", "other"), ("doctor",), ("motor", "check", "motor.toml")),
 )
+OFFLINE = """
+import sys
 NETWORK = ("socket.connect", "socket.getaddrinfo", "socket.gethostbyname", "socket.bind", "socket.sendto")
+def refuse(event, args):
+    if event in NETWORK:
+        raise RuntimeError(f"the network was asked for: {event} {args[1:]}")
+sys.addaudithook(refuse)
+"""  # run in each process that is started, as its `sitecustomize`
 
 
 def questions(arena: Arena) -> Outcome:
@@ -70,21 +79,27 @@ def questions(arena: Arena) -> Outcome:
 
 
 def network(arena: Arena) -> Outcome:
-    """T24: verbs in a process in which whatever touches a network ends it."""
-    outcome = Outcome()
+    """T24: verbs in a process in which whatever touches a network ends it, and in all processes that it starts."""
+    outcome, started = Outcome(), arena.folder / "started"
     folder = subjects.copied(arena.bench, arena.folder / "bench")
+    started.mkdir()
+    (started / "sitecustomize.py").write_text(OFFLINE, encoding="utf-8")
+
+    def offline() -> None:
+        os.environ["PYTHONPATH"] = os.pathsep.join([str(started), str(ROOT)])
+        exec(OFFLINE, {})  # noqa: S102 -- our own text
+
+    asks = [sys.executable, "-c", "import socket; socket.create_connection(('192.0.2.1', 9))"]
+    child = subprocess.run(asks, env={"PYTHONPATH": str(started)}, capture_output=True, text=True, check=False)
+    if "the network was asked for" not in child.stderr:
+        outcome.failed.append("a process that is started may reach a network")
     for words in ASKED[: max(arena.tries, 4)]:
-        code, said = Verb(words, folder).ended(lambda: sys.addaudithook(_refuse))
+        code, said = Verb(words, folder).ended(offline)
         outcome.count(
             *[f"{' '.join(words)}: exit code {code}: {said[-300:]}"] * (code not in (0, 1) or "network" in said)
         )
-    outcome.note = "verbs; not their child that reads logs, nor the tests"
+    outcome.note = "verbs, with the processes that they start; sockets of Python"
     return outcome
-
-
-def _refuse(event: str, args: tuple[Any, ...]) -> None:
-    if event in NETWORK:
-        raise RuntimeError(f"the network was asked for: {event} {args[1:]}")
 
 
 ATTACKS = (

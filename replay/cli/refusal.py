@@ -11,6 +11,7 @@ from replay.cli.answer import store_folder
 ROOTS = ("IngestError", "TwinError", "AnalyticsError", "ReplayError")
 # Through which files and ledgers are read and written.
 LIBRARIES = ("pyarrow", "duckdb", "_duckdb", "sqlite3", "eventsourcing", "psycopg")
+NO_THREAD = "can't start new thread"  # Python's words where there is no memory for one
 FULL = (errno.ENOSPC, errno.EDQUOT)
 AGAIN = "see that the disk, and the network that it is on, are well, then run it again; `whyhot verify --read` checks"
 
@@ -29,7 +30,7 @@ def refusal(error: Exception, args: argparse.Namespace) -> str | None:
         return of_machine(error, where)
     if type(error).__module__.partition(".")[0] in LIBRARIES:
         return f"{where}: {_first_line(error)}: {AGAIN}."
-    if isinstance(error, MemoryError):
+    if isinstance(error, MemoryError) or str(error) == NO_THREAD:
         return f"whyhot {args.verb}: there is too little memory: close other programs, or give it less at once."
     return None
 
