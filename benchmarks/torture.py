@@ -32,6 +32,7 @@ from benchmarks.attack import (
     kills,
     leaks,
     logs,
+    names,
     planted,
     sequences,
     strangers,
@@ -48,7 +49,7 @@ SHM = Path("/dev/shm")  # where a sync costs nothing; what is killed here is a p
 MEMORY = SHM if os.access(SHM, os.W_OK) else None
 MODULES = (
     *(kills, unsynced, faults, flips, tampering, together, logs, again, strangers, leaks, planted),
-    *(sequences, elsewhere),
+    *(sequences, names, elsewhere),
 )
 ATTACKS = sorted((one for module in MODULES for one in module.ATTACKS), key=lambda one: int(one.id[1:]))
 SHOWN = 5  # failures of an attack

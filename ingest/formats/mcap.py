@@ -33,7 +33,10 @@ from ingest.formats import _protobuf as protobuf
 from ingest.formats._flattened import NotRead, Numbers, decoded_json
 from ingest.formats._joined_tables import JoinedTables, OwnTimes, counted
 
-DAMAGE = (McapError, ValueError, KeyError, AssertionError, EOFError, struct.error, RuntimeError, zstandard.ZstdError)
+DAMAGE = (
+    *(McapError, ValueError, KeyError, AssertionError, EOFError, struct.error, RuntimeError, zstandard.ZstdError),
+    OverflowError,  # a size that is no size
+)
 OURS = "arrow"  # encoding of the recordings that whyhot writes
 MOST_COLUMNS = 5000
 DELAY, AGREE_NS = "publish_delay", 1_000_000_000

@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from mcap.opcode import Opcode
+from mcap.stream_reader import MAGIC_SIZE
 from mcap.writer import CompressionType, Writer
 
 from ingest.errors import UnreadableLogError
@@ -212,6 +214,19 @@ def test_a_file_that_is_cut_keeps_what_comes_before(tmp_path: Path) -> None:
     kept = len(columns["t"])
     assert 20 < kept < 200 and columns["/a.x"] == list(range(kept))
     assert log.cut is not None and log.cut.startswith(f"is cut or damaged behind message {kept} (")
+
+
+def test_a_chunk_that_names_an_impossible_size_keeps_what_comes_before(tmp_path: Path) -> None:
+    path = write(tmp_path / "log", [("/a", t, json.dumps({"x": t}).encode()) for t in range(200)])
+    whole, places, at = path.read_bytes(), [], MAGIC_SIZE
+    while at < len(whole) - MAGIC_SIZE:
+        kind, length = struct.unpack_from("<BQ", whole, at)
+        places += [at + 9 + 16] * (kind == Opcode.CHUNK)  # behind its two stamps stands its size, unpacked
+        at += 9 + length
+    path.write_bytes(whole[: places[2]] + b"\xff" * 8 + whole[places[2] + 8 :])
+    log, columns = read(path)
+    assert columns["/a.x"] == list(range(len(columns["t"]))) and 5 < len(columns["t"]) < 100
+    assert log.cut is not None and log.cut.startswith(f"is cut or damaged behind message {len(columns['t'])} (")
 
 
 def test_times_from_the_start_of_a_machine_are_no_dates(tmp_path: Path) -> None:

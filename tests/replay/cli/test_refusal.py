@@ -129,6 +129,19 @@ def test_a_mistyped_motor_names_the_nearest(store: Path, capsys: Capture) -> Non
     assert "is no model of this store. Nearest: servo-5kW. Known: servo-5kW 4f0c." in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("error", [MemoryError(), RuntimeError("can't start new thread")])
+def test_too_little_memory_is_one_line(
+    store: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    def fail(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr("ingest.facts.facts.at", fail)
+    assert main(["sessions"]) == 2
+    said = "whyhot sessions: there is too little memory: close other programs, or give it less at once."
+    assert capsys.readouterr().err.strip().removeprefix("error: ") == said
+
+
 def test_an_interrupt_while_the_warehouse_computes_is_an_interrupt(
     store: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
