@@ -57,6 +57,6 @@ def tests_of(*paths: str) -> Callable[[Arena], Outcome]:
 
 
 ATTACKS = (
-    Attack("T12", "a second reader", "the same values, or named", 25, 0, second_reader),
-    Attack("T22", "old stores", "opened, verified, read as they were written", 5, 0, tests_of("tests/test_stores.py")),
+    Attack("T12", "a second reader", "the same values, or named", 26, 0, second_reader),
+    Attack("T22", "old stores", "opened, verified, read as they were written", 10, 0, tests_of("tests/test_stores.py")),
 )
