@@ -60,7 +60,7 @@ QUICK_S = 120.0  # of each session
 
 def main() -> None:
     """Run what is missing, print and write the rates."""
-    parser = asked.parser(__doc__, healthy=(60, 1), effects=(120, 0), many=(60, 1), first=(1000, 1007), jobs=(1, 1))
+    parser = asked.parser(__doc__, healthy=(60, 0), effects=(120, 0), many=(60, 1), first=(1000, 1007), jobs=(1, 1))
     parser.add_argument("--forms", metavar="NAMES", type=functools.partial(some_of, FORMS), default=list(FORMS))
     parser.add_argument(
         "--rules", metavar="NAMES", type=functools.partial(some_of, (*RULES, *CRUDE)), default=list(RULES)
