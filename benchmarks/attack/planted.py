@@ -151,7 +151,7 @@ def _traceback() -> None:
     import_module("replay.cli.refusal").ROOTS = ()  # type: ignore[attr-defined]
 
 
-BACKUPS, FORGET, ATTACH, REPLAY = ("backup", "restore"), ("forget",), ("attach",), ("replay",)
+BACKUPS, FORGET, ATTACH = ("backup", "restore"), ("forget",), ("attach",)
 FAULTS = (
     Fault("verify does not read sealed files", _set(store_check, "_check_sealed", _nothing), flips.bits, 200),
     Fault("verify does not read decoded files", _set(store_check, "_check_products", _nothing), flips.bits, 200),
@@ -160,7 +160,7 @@ FAULTS = (
     Fault("sql does not hash what it reads", _set(scans, "check", _nothing), flips.bits, 200),
     Fault("two sealed files exchanged are not seen", _set(Archive, "damage", lambda *_: None), tampering.tampered, 45),
     Fault("digests are not compared", _history_unchecked, tampering.tampered, 450),
-    Fault("positions are not counted", _set(LedgerHistory, "_count", _nothing), tampering.tampered, 150),
+    Fault("positions are not counted", _set(LedgerHistory, "_count", _nothing), tampering.tampered, 750),
     Fault("streams are not chained", _set(LedgerHistory, "_chain", _nothing), tampering.tampered, 150),
     Fault("seals are not compared", _set(LedgerHistory, "_seal", _nothing), tampering.tampered, 75),
     Fault("rows are not hashed into the tree", _set(LedgerHistory, "head", Head(0, "")), tampering.tampered, 75),
@@ -177,7 +177,7 @@ FAULTS = (
     Fault(
         "a log is forgotten bytes first", _set(retractions, "_grouped", _bytes_first), kills.at_each_change, 99, FORGET
     ),
-    Fault("a full disk is not noticed", _set(archive, "write_file", _short_file), faults.full_disk, 60, REPLAY),
+    Fault("a full disk is not noticed", _set(archive, "write_file", _short_file), faults.full_disk, 60, ATTACH),
     Fault("what cannot be read is left out", _set(archive, "_chunks", _to_the_fault), faults.io_errors, 300, ATTACH),
     Fault("writers do not wait for each other", _set(ledger, "WriterLock", _NoLock), together.writers, 80),
     Fault("our own errors are tracebacks", _traceback, faults.io_errors, 20, ATTACH),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import random
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -101,7 +102,7 @@ WRITING = {
     "retract": Writing(("retract", "1_s1", "--reason", "the wrong motor")),
     "forget": Writing(("forget", "1_s1.blf", "--reason", "the contract ended")),
     "correct": Writing(("correct", "1_s1", "--specimen", "servo-02", "--reason", "misread")),
-    "attach": Writing(("attach", "motor.toml", "--specimen", "servo-01", "--finding", "crack")),
+    "attach": Writing(("attach", "crack.jpg", "--specimen", "servo-01", "--finding", "crack")),
     "upgrade": Writing(("upgrade",), _by_another_version),
     "rebuild": Writing(("rebuild",)),
     "backup": Writing(("backup", "copy"), lambda folder: _done(folder, (*INGEST, "3_s2.csv"))),
@@ -158,6 +159,7 @@ def write_bench(folder: Path) -> None:
     can_bench.write_log(folder / "1_s1.blf", seconds=60, seed=1)
     can_bench.write_log(folder / "2_drive.asc", seconds=60, seed=2, start=can_bench.START + 86_400)
     write_table(folder / "3_s2.csv", 40)
+    (folder / "crack.jpg").write_bytes(random.Random(1).randbytes(200_000))  # larger than what SQLite writes for it
 
 
 def write_table(path: Path, rows: int, seed: int = 0, nodes: Sequence[str] = ("winding", "yoke", "magnet")) -> None:
