@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -27,16 +27,17 @@ class Rebuilt:
     notes: tuple[str, ...] = ()
 
 
-def rebuild(store: Store, redecode: Callable[[Store, Facts], object], verify: bool = False) -> Rebuilt:
-    """Make decoded/ (by `redecode`) and the warehouse again, from ledger and archive alone.
+def rebuild(store: Store, redecode: Callable[[Store, Facts], Collection[str]], verify: bool = False) -> Rebuilt:
+    """Make decoded/ (by `redecode`, which returns the decodes that it made) and the warehouse again, from ledger and
+    archive alone.
 
     With `verify` every product is compared with the SHA-256 that its event names, and every view with what it held
     before, where that could still be read. Raises what `redecode` and `warehouse.refresh` raise.
     """
     before, notes = _before(store) if verify else ({}, ())
     facts = folding.at(store.ledger)
-    named = {(one.decode, file): sha256 for one in facts.decodes.values() for file, sha256 in one.products.items()}
-    redecode(store, facts)
+    made_again = redecode(store, facts)
+    named = {(key, file): sha256 for key in made_again for file, sha256 in facts.decodes[key].products.items()}
     (store.folder / warehouse.FILE).unlink(missing_ok=True)
     shutil.rmtree(store.folder / partitions.FOLDER, ignore_errors=True)
     with warehouse.refresh(store) as made:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import tarfile
 from pathlib import Path
 from typing import ClassVar
@@ -53,6 +54,26 @@ def test_a_store_of_an_earlier_version_is_read_as_it_was_written(
     words = ["--bench", str(tmp_path / "bench.toml"), "--dbc", str(tmp_path / "bench.dbc")]
     assert main(["ingest", str(tmp_path / "new.blf"), *words]) == 0
     assert stored(folder)[: len(rows)] == rows, "written anew"
+
+
+def test_what_an_earlier_version_decoded_comes_back_by_an_upgrade_and_not_by_a_rebuild(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    folder = unpacked(FOLDER / "whyhot-0.1.0.tar.xz", tmp_path)
+    monkeypatch.setenv("WHYHOT_STORE", str(folder))
+    shutil.rmtree(folder / "decoded")  # as in a store that was restored from a backup
+    assert main(["rebuild"]) == 1
+    out, err = capsys.readouterr()
+    assert out.startswith("rebuilt 0 decoded files")
+    assert "1 log decoded by another version, whose files this one does not make again: 1_s1.blf; next: " in err
+    assert main(["upgrade"]) == 0
+    assert main(["rebuild", "--verify"]) == 0
+    out, err = capsys.readouterr()
+    assert "rebuilt 3 decoded files" in out and err == ""
+    assert main(["verify", "--read"]) == 0
+    assert "is missing" not in capsys.readouterr().err
+    assert main(["sql", "SELECT count(*) FROM samples", "--csv"]) == 0
+    assert int(capsys.readouterr().out.split()[1]) > 1000
 
 
 def test_every_kind_of_event_lies_in_a_store_that_is_kept(tmp_path: Path) -> None:

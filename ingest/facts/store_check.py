@@ -17,7 +17,7 @@ from ingest.facts.chain import Head
 from ingest.facts.cited import BACKUP, Cited, cited, forgotten, sessions_on, sessions_without_ground
 from ingest.facts.durable import opened, sha256_of
 from ingest.facts.events import DecodeCompleted
-from ingest.facts.facts import fold
+from ingest.facts.facts import Facts, fold
 from ingest.facts.ledger import INDEX
 from ingest.facts.ledger_audit import audit
 from ingest.facts.ledger_history import Flaw, LedgerHistory
@@ -195,7 +195,7 @@ def _check_files(
         affects = sessions_on(facts, stream.partition("-")[2]) if stream else sessions_without_ground(facts)
         found.damages.append(Damage(says, affects, LEDGER))
     _check_sealed(found, archive, files, read, partial(sessions_on, facts), whole)
-    _check_products(found, folder, list(facts.decodes.values()), read, partial(sessions_on, facts), whole)
+    _check_products(found, folder, facts, read, partial(sessions_on, facts), whole)
     if not seen.findings:
         gone = forgotten(seen.recorded)
         decodes = {one.event.decode for one in seen.recorded if isinstance(one.event, DecodeCompleted)}
@@ -230,14 +230,16 @@ def _check_sealed(
 def _check_products(
     found: StoreCheck,
     folder: Place,
-    decodes: list[DecodeCompleted],
+    facts: Facts,
     read: bool,
     affects: Callable[[str], tuple[str, ...]],
     whole: Collection[tuple[str, str]],
 ) -> None:
-    """A product that is missing is a hint: it is made again; one that is not what the decode gave is damage. Where
-    all are missing, that is one hint."""
-    count = bad = 0
+    """A product that is missing is a hint where a session needs it, as it is made again; one that is not what the
+    decode gave is damage. Where all are missing, that is one hint."""
+    decodes = list(facts.decodes.values())
+    held = {file["decode"] for session in facts.sessions for file in session.files}
+    count = bad = absent = 0
     every = sum(len(decode.products) for decode in decodes)
     missing: list[str] = []
     for decode in decodes:
@@ -252,13 +254,15 @@ def _check_products(
                 says = f"{folder}: {decode.decode!r} is not the id of a decode: it was forged"
                 found.damages.append(Damage(says, affects(decode.decode), BACKUP))
             elif not path.is_file():
+                absent += 1
                 says = f"{path}: is missing: {AGAIN}"
-                missing.append(says)
+                if decode.decode in held:
+                    missing.append(says)
             elif says := found.twice(path, partial(_changed, path, sha256, read)):
                 found.damages.append(Damage(says, affects(decode.decode), "whyhot rebuild"))
             bad += says is not None
-    found.is_backup = 0 < len(missing) == count
-    if 1 < len(missing) == count:
+    found.is_backup = 0 < absent == count
+    if 1 < absent == count:
         missing = [f"{folder / 'decoded'}: holds none of {count:,} decoded files, as in a backup: {AGAIN}"]
     found.hints += missing
     found.whole["decoded files"] = count - bad, count

@@ -21,7 +21,7 @@ from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from ingest.formats import Format, recognise
 from ingest.intake.setup import Setup, kept_name, resolved, sealed_setup
-from ingest.log.decode import RECORDING, decode_file, identity
+from ingest.log.decode import RECORDING, decode_file, identity, is_made_here
 from ingest.log.reading import LogReading, Reader
 from ingest.units.each import Lost, Workers, each, told
 from ingest.units.shared import InProcess, Shared, share
@@ -177,12 +177,14 @@ class _Sealed:
 
 def redecode(
     store: Store, known: Facts, workers: Workers | None = None, tell: Callable[[str], None] = lambda _: None
-) -> None:
+) -> list[str]:
     """Make recording and samples of every decode again from sealed bytes, and append what they are where that is not
-    what the event named; `tell` hears what is made. Raises DamageError where the sealed bytes changed."""
+    what the event named; `tell` hears what is made. Returns these decodes: what another version decoded would become
+    another decode (`ingest.intake.upgrade`). Raises DamageError where the sealed bytes changed."""
     work = store.work().absolute()
     shared = InProcess(known) if workers is None else share(known.whole(), work)
-    wanted = [key for key, one in known.decodes.items() if one.outcome != "quarantined"]
+    standing = {key: one for key, one in known.decodes.items() if one.outcome != "quarantined"}
+    wanted = [key for key, one in standing.items() if is_made_here(one.decoder)]
     jobs = [_Sealed(store.folder.absolute(), shared, key, work) for key in wanted]
     with closing(Reader()) as reader:
         again = partial(_again, reader) if workers is None else _again_alone
@@ -192,9 +194,10 @@ def redecode(
                 raise IngestError(f"{known.files[known.decodes[job.decode].raw].name}: {done.why}")
             store.publish(made_in(job.own, done), done.decode)
             shutil.rmtree(job.own)
-            named = known.decodes.get(done.decode)
-            if named and named.products != done.products:  # another version of Arrow writes other bytes
+            named = known.decodes[job.decode]
+            if named.products != done.products:  # another version of Arrow writes other bytes
                 store.ledger.append(f"file-{named.raw}", replace(named, products=done.products))
+    return wanted
 
 
 def _again_alone(job: _Sealed) -> DecodeCompleted:

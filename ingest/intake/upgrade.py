@@ -18,7 +18,7 @@ from ingest.facts.sessions import Override
 from ingest.facts.store import Store
 from ingest.intake.corrections import alike, plan_of, read_again
 from ingest.intake.setup import MotorFile
-from ingest.log import decode
+from ingest.log.decode import is_made_here
 
 
 @dataclass(frozen=True)
@@ -32,10 +32,14 @@ class Upgrade:
 
 def needed(recorded: Sequence[Recorded], facts: Facts) -> Upgrade:
     """What in a store is of an earlier version."""
+    return Upgrade(Counter(one.code for one in recorded), decoded_elsewhere(facts))
+
+
+def decoded_elsewhere(facts: Facts) -> dict[str, str]:
+    """SHA-256 -> decoder of the logs of sessions whose samples another version made."""
     latest = {one.raw: one for one in facts.decodes.values() if one.outcome != "quarantined"}
     held = {file["raw"] for session in facts.sessions for file in session.files}
-    other = {raw: one.decoder for raw, one in latest.items() if raw in held and one.decoder != decode.DECODER}
-    return Upgrade(Counter(one.code for one in recorded), other)
+    return {raw: one.decoder for raw, one in latest.items() if raw in held and not is_made_here(one.decoder)}
 
 
 def upgrade(

@@ -38,6 +38,11 @@ RECORDING = "recording.mcap"
 WAITING_VALUES = 16_000_000  # of all groups that wait for their row group: 128 MB
 
 
+def is_made_here(decoder: str) -> bool:
+    """Whether a decode by `decoder` is what this version makes of a log."""
+    return decoder == DECODER
+
+
 def decode_id(raw: str, databases: Sequence[str], bench: str | None, model: str | None = None) -> str:
     """Identity of a decode: SHA-256 over decoder version and the SHA-256 of log, databases, bench and motor file.
 

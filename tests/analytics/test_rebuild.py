@@ -26,11 +26,12 @@ class Redecode:
         self.copy, self.differs = copy, list[str]()
         shutil.copytree(store.folder / "decoded", copy)
 
-    def __call__(self, store: Store, facts: Facts) -> None:
+    def __call__(self, store: Store, facts: Facts) -> list[str]:
         shutil.rmtree(store.folder / "decoded", ignore_errors=True)
         shutil.copytree(self.copy, store.folder / "decoded")
         for raw in self.differs:
             decoded_anew(store, raw)
+        return list(facts.decodes)
 
 
 @pytest.fixture

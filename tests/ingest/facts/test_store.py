@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from ingest.facts.events import (
     LedgerSealed,
     ModelPublished,
     ReplayCompleted,
+    SessionRecorded,
     SignalDatabaseRegistered,
 )
 from ingest.facts.store import Store
@@ -45,9 +47,15 @@ def folder(tmp_path: Path) -> Path:
         )
         store.ledger.append("motor-1", ModelPublished(model=sha(MOTOR), motor="m", file="motor.toml", parent=None))
         store.ledger.append("file-1", decode("d1", sha(BLF), products={"recording.mcap": sha(PRODUCT)}))
-        store.ledger.append("session-1", session("1", "1_s1"))
+        store.ledger.append("session-1", of_decode("1", "d1"))
         store.ledger.append("run-1", run({"frame": sha(FRAME)}))
     return path
+
+
+def of_decode(number: str, made: str) -> SessionRecorded:
+    """A session whose samples are those of a decode of the log."""
+    files = [{"raw": sha(BLF), "decode": made, "first_record": 0, "last_record": 1}]
+    return replace(session(number, f"{number}_s1"), files=files)
 
 
 def run(artefacts: dict[str, str]) -> ReplayCompleted:
@@ -302,6 +310,9 @@ def test_where_all_products_are_missing_that_is_one_hint(folder: Path) -> None:
     with Store.open(folder, write=True) as store:
         products = {"a.parquet": sha(b"a"), "b.parquet": sha(b"b")}
         store.ledger.append("file-1", decode("d2", sha(BLF), products=products))
+    assert hints(folder) == [], "no session needs them"
+    with Store.open(folder, write=True) as store:
+        store.ledger.append("session-2", of_decode("2", "d2"))
     assert len(hints(folder)) == 2
     (folder / "decoded" / "d1" / "recording.mcap").unlink()
     (line,) = [one for one in hints(folder) if "decoded" in one]
