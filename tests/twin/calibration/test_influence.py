@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tracemalloc
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise, permutations
 
 import numpy as np
@@ -26,18 +27,23 @@ Floats = NDArray[np.float64]
 
 INITIAL = np.array([45.0, 42.0, 41.0, 35.0])
 STEP = 1e-3  # of a logarithm
-TESTS = [recorded(every_law(), drive, INITIAL, name=f"{i}") for i, drive in enumerate([pulses(600.0), smooth(900.0)])]
+
+
+@cache
+def _tests() -> list[Test]:
+    drives = [pulses(600.0), smooth(900.0)]
+    return [recorded(every_law(), drive, INITIAL, name=f"{i}") for i, drive in enumerate(drives)]
 
 
 @pytest.fixture(scope="module")
 def found() -> Influence:
-    return influence(every_law(), TESTS)
+    return influence(every_law(), _tests())
 
 
 @pytest.fixture(scope="module")
 def every_column() -> Floats:
     """(B, n, P) over all tests."""
-    return np.concatenate([some for test in TESTS for some in columns(every_law(), test)])
+    return np.concatenate([some for test in _tests() for some in columns(every_law(), test)])
 
 
 def _with_every_node(network: Network, test: Test) -> Test:
@@ -78,7 +84,7 @@ def _scaled(term: Term, left: int, factor: float) -> Term:
 
 def _blocks(network: Network) -> Floats:
     """Temperatures (B, n) of every node in every block of the tests."""
-    model = Model(network, [_with_every_node(network, test) for test in TESTS], ())
+    model = Model(network, [_with_every_node(network, test) for test in _tests()], ())
     of_test: dict[int, list[Floats]] = {}
     for series in model.residuals(np.zeros(0)):
         of_test.setdefault(series.session, []).append(-series.y)
@@ -94,7 +100,7 @@ def test_every_column_is_the_difference_that_a_changed_motor_makes(every_column:
 
 
 def test_columns_are_those_of_calibration_to_rounding(every_column: Floats) -> None:
-    expected = np.concatenate([_by_adjoints(every_law(), test) for test in TESTS])
+    expected = np.concatenate([_by_adjoints(every_law(), test) for test in _tests()])
     scale = np.abs(expected).max(axis=(0, 1))
     assert (scale > 0.01).all()
     assert (np.abs(every_column - expected) / scale).max() < 1e-7  # a course is settled to 1e-3 K there
@@ -110,7 +116,7 @@ def test_what_is_known_worse_counts_more(found: Influence, every_column: Floats)
 
 
 def test_what_a_test_teaches_is_what_a_fit_to_it_knows() -> None:
-    network, test = every_law(), TESTS[0]
+    network, test = every_law(), _tests()[0]
     parameters = freedom(network, [test])
     whole = fit(Model(network, [test], parameters), np.zeros(len(parameters)), linearisations=1)
     shared = len(freedom(network, ()))
@@ -146,7 +152,7 @@ def test_information_is_that_of_a_calibration_to_rounding_however_few_blocks_are
         samples = np.float64(4.0) * ((rng.random(steps) < 0.8) & (np.arange(steps) % 75 > 12))
         return replace(channel, samples=samples, place=rng.random(steps))
 
-    test = replace(TESTS[0], channels=tuple(patchy(channel) for channel in TESTS[0].channels))
+    test = replace(_tests()[0], channels=tuple(patchy(channel) for channel in _tests()[0].channels))
     expected = _information_by_adjoints(network, test, noise)
     found = information(network, test, noise)
     assert np.abs(found - expected).max() < 1e-7 * np.abs(expected).max()
