@@ -49,8 +49,13 @@ def rows(store: Store, facts: Facts, recorded: Sequence[Recorded]) -> dict[str, 
         "channels": _channels(facts, used),
         "runs": _runs(facts, recorded),
         "artefacts": [
-            {"run": run, "kind": kind, "file": str(store.archive.path(sha256).absolute()), "sha256": sha256}
-            | {"again": again[sha256].mend}
+            {
+                "run": run,
+                "kind": kind,
+                "file": str(store.archive.path(sha256).absolute()),
+                "sha256": sha256,
+                "again": again[sha256].mend,
+            }
             for run, kind, sha256 in _artefacts(facts)
             if sha256 not in gone.files
         ],

@@ -237,7 +237,7 @@ def _check_products(
 ) -> None:
     """A product that is missing is a hint where a session needs it, as it is made again; one that is not what the
     decode gave is damage. Where all are missing, that is one hint."""
-    decodes = list(facts.decodes.values())
+    decodes = facts.decodes.values()
     held = {file["decode"] for session in facts.sessions for file in session.files}
     count = bad = absent = 0
     every = sum(len(decode.products) for decode in decodes)

@@ -193,8 +193,9 @@ class CsvLog(Log):
     def _tables(self, lines: list[str], *, cut: bool) -> Iterator[Rows]:
         """The rows of consecutive lines, where another table may begin. `cut`: the last line is not whole."""
         while lines:
-            end = self._end(lines)
-            yield from self._rows(lines[:end], cut=cut and end == len(lines))
+            odd = _no_number_first(lines)
+            end = self._end(lines, odd)
+            yield from self._rows(lines[:end], [place for place in odd if place < end], cut=cut and end == len(lines))
             self._lines += end
             lines = lines[end:]
             if lines:
@@ -202,9 +203,9 @@ class CsvLog(Log):
                 self._lines += begin
                 lines = lines[begin:]
 
-    def _end(self, lines: Sequence[str]) -> int:
-        """Where the table ends, by its lines: where the header of another one stands."""
-        for place in _no_number_first(lines) if self._long is None else ():
+    def _end(self, lines: Sequence[str], odd: Sequence[int]) -> int:
+        """Where the table ends, by its lines: where one of the `odd` ones is the header of another."""
+        for place in odd if self._long is None else ():
             if lines[place] not in self._heads and self._is_header(lines, place):
                 return place
         return len(lines)
@@ -240,10 +241,11 @@ class CsvLog(Log):
         self.settings.setdefault("further_tables", []).append(where)
         return begin
 
-    def _rows(self, lines: list[str], *, cut: bool) -> Iterator[Rows]:
-        """The rows of consecutive lines of one table. `cut`: the last one is not whole."""
+    def _rows(self, lines: list[str], odd: Sequence[int], *, cut: bool) -> Iterator[Rows]:
+        """The rows of consecutive lines of one table; `odd`: places of those that do not begin with a number. `cut`:
+        the last line is not whole."""
         written = np.array([line.strip(" \r") != "" for line in lines], bool)
-        no_rows = self._no_rows(lines)
+        no_rows = self._no_rows(lines, odd)
         written[no_rows] = False
         self._left += len(no_rows)
         bad: dict[int, tuple[str, str]] = {}
@@ -300,9 +302,9 @@ class CsvLog(Log):
                 yield rows
             record = record + here
 
-    def _no_rows(self, lines: list[str]) -> list[int]:
+    def _no_rows(self, lines: list[str], odd: Sequence[int]) -> list[int]:
         """Places of comments, and of the header again, which loggers write when they are started anew."""
-        width, odd = len(self._dialect.names), _no_number_first(lines)
+        width = len(self._dialect.names)
         found = [place for place in odd if lines[place].startswith(RUNTIME) or TYPES_LINE.fullmatch(lines[place])]
         marked = [place for place in odd if lines[place][:1] == "#"]
         found += [place for place in marked if len(cells(lines[place], self._dialect.delimiter)) != width]

@@ -183,8 +183,7 @@ def redecode(
     another decode (`ingest.intake.upgrade`). Raises DamageError where the sealed bytes changed."""
     work = store.work().absolute()
     shared = InProcess(known) if workers is None else share(known.whole(), work)
-    standing = {key: one for key, one in known.decodes.items() if one.outcome != "quarantined"}
-    wanted = [key for key, one in standing.items() if is_made_here(one.decoder)]
+    wanted = [k for k, one in known.decodes.items() if one.outcome != "quarantined" and is_made_here(one.decoder)]
     jobs = [_Sealed(store.folder.absolute(), shared, key, work) for key in wanted]
     with closing(Reader()) as reader:
         again = partial(_again, reader) if workers is None else _again_alone

@@ -64,7 +64,7 @@ class Demo:
     notes: Sequence[str]
 
 
-def run_demo(folder: Path, store_folder: Path, tell: Callable[[str], None] = lambda _: None) -> Demo:
+def run_demo(folder: Path, store_folder: Path, tell: Callable[[str], None]) -> Demo:
     """Everything afresh under `folder`; `tell` hears what is being done. Raises ReplayDataError where the examples are
     not installed."""
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as beside:  # two motors, two processors

@@ -137,13 +137,6 @@ class Round:
         said = replace(refit.left_out, errors_K=left_out(with_it, _misread(refit)).errors_K)
         return replace(self, refits=tuple(replace(r, left_out=said) if r is refit else r for r in self.refits))
 
-    def forget(self) -> None:
-        """Let the columns of all refits but the best go: hardly ever does anything follow from those."""
-        best = self.best
-        for refit in self.refits:
-            if refit is not best:
-                refit.fit.model.forget()
-
     def alone(self, candidate: Candidate) -> float:
         """ln BF of a candidate as the only term more: of its refit, or the linear one where it was not refitted; 0
         where it has no column."""
@@ -228,8 +221,12 @@ def with_refits(found: Round, tell: Tell, other_start: Floats | None = None, jud
             refits = list(pool.map(lambda r, on: _went_on(found.base, r) if on else r, refits, further))
     lost = [str(candidate.cause) for (candidate, *_), refit in zip(leading, first, strict=True) if refit is None]
     found = replace(found, refits=_each_once(refits), dropped=(*found.dropped, *lost))
-    found.forget()
-    return replace(found, left_out=left_out(found.base)) if judging else found
+    if judging:
+        return replace(found, left_out=left_out(found.base))
+    for refit in found.refits:
+        if refit is not found.best:
+            refit.fit.model.forget()  # what follows begins at the best
+    return found
 
 
 def _left_out_asked(base: Fit, begun: Refit) -> Refit:
