@@ -109,8 +109,7 @@ def through_the_store(seed: int) -> tuple[dict[str, Any], str]:
         written = insulation_campaign.write(folder / "logs", seed, PAPER)
         for words in written.ingest:
             _printed([*words, "--store", store])
-        text = _printed(["ageing", "--store", store])
-        _printed(["ageing", "--store", store, "--json", str(folder / "ageing.json")])
+        text = _printed(["ageing", "--store", store, "--json", str(folder / "ageing.json")])
         document: dict[str, Any] = json.loads((folder / "ageing.json").read_text(encoding="utf-8"))
         return document, text.rstrip()
 

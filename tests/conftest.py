@@ -4,6 +4,7 @@ what they print is, what is never collected as garbage, and that no test asks an
 import gc
 import os
 import socket
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -57,9 +58,14 @@ def _turn(item: pytest.Item) -> int:
 
 def pytest_collection_finish() -> None:
     """What was collected stays to the end: Python need not look through it again and again, a sixth of all its time."""
+    from made import readers  # numpy with it, which must not come before what is set above
+
     gc.freeze()
+    readers.keep()
 
 
 def pytest_sessionfinish() -> None:
     """At the end it goes, so that libraries find none of their objects left."""
+    if readers := sys.modules.get("made.readers"):
+        readers.end()
     gc.unfreeze()

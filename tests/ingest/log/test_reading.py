@@ -21,8 +21,14 @@ from ingest.formats import TimeSpec
 from ingest.log import reading
 from ingest.log.reading import Limits, Reader
 from ingest.log.recording import Attachment, read
+from made import readers
 from made.places import LOGS
 from made.readings import record
+
+
+@pytest.fixture(autouse=True)
+def _own_children(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reading, "_Child", readers.Child)
 
 
 def test_a_log_is_read_and_recorded(tmp_path: Path) -> None:
