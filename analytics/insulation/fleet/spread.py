@@ -8,9 +8,11 @@ are there, tau is what is usual.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq
 from scipy.stats import chi2
 
 from analytics.insulation.arrays import Floats, Ints
@@ -18,7 +20,7 @@ from analytics.insulation.checks.repeatability import CUT, CUT_SQUARE
 
 HUBER = 1.5
 ROUNDS = 15
-HALVINGS = 26
+SHARE = 1e-7  # of tau^2, to which it is found
 
 
 @dataclass(frozen=True)
@@ -63,7 +65,8 @@ def _tau_square(off: Floats, variance: Floats, group: Ints, groups: int, usual: 
 
     off_square = off**2
 
-    def score(tau_square: float) -> float:
+    def score(ln_tau_square: float) -> float:
+        tau_square = math.exp(ln_tau_square)
         a = 1.0 / (tau_square + variance)
         free = 1.0 - a / np.bincount(group, a, groups)[group]
         square = np.minimum(off_square * a, CUT**2) / CUT_SQUARE
@@ -71,7 +74,4 @@ def _tau_square(off: Floats, variance: Floats, group: Ints, groups: int, usual: 
 
     high = 10.0 * max(usual, float(off_square.max()))
     low = min(usual, high) * 1e-6
-    for _ in range(HALVINGS):
-        middle = float(np.sqrt(low * high))
-        low, high = (middle, high) if score(middle) > 0.0 else (low, middle)
-    return float(np.sqrt(low * high))
+    return math.exp(brentq(score, math.log(low), math.log(high), xtol=SHARE))
