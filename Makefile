@@ -74,4 +74,4 @@ lock:
 
 clean:
 	rm -rf .venv demo dist build .mypy_cache .pytest_cache .ruff_cache
-	find twin replay -name __pycache__ -prune -exec rm -rf {} +
+	find twin replay analytics tests -name __pycache__ -prune -exec rm -rf {} +

@@ -6,6 +6,7 @@ import csv
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from benchmarks.real.motors import HUST, motor_of, session_of
 from benchmarks.real.recordings import recordings
@@ -42,6 +43,8 @@ def test_profiles_are_cut_into_sessions_of_half_an_hour_which_the_template_reads
     assert [set(one.readings) for one in every] == [{"winding", "teeth", "yoke", "rotor"}] * 5
     assert sum(one.test.frame.features.shape[0] * one.test.frame.step_s for one in every[:4]) > 7200, "no row is lost"
     assert motor_of(data, room, quick=True).logs == motor.logs[:3]
+    with pytest.raises(SystemExit, match=r"^--seven is for the recordings id_\*\.csv, which .* does not hold"):
+        motor_of(data, room, quick=False, seven=True)
 
 
 def test_the_shipped_recordings_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:

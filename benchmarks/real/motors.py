@@ -28,8 +28,10 @@ class Motor:
 
 def motor_of(folder: Path, room: Path, quick: bool, seven: bool = False) -> Motor:
     """The motor whose recordings lie in a folder; what has to be written for it lies in `room`. `quick`: three of its
-    sessions, short ones; `seven`: by the file of its seven nodes."""
+    sessions, short ones; `seven`: by the file of its seven nodes. Raises SystemExit where it has no such file."""
     profiles = sorted(folder.glob("profile_*.csv"))
+    if profiles and seven:
+        raise SystemExit(f"--seven is for the recordings id_*.csv, which {folder} does not hold: leave it out.")
     if profiles:
         logs = [part for profile in profiles for part in parts(profile, room)]
         for file in (HERE / "lea.toml", FOUR_NODES):

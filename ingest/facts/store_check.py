@@ -47,8 +47,7 @@ class Damage:
 class StoreCheck:
     """What a check found. `hints`: what is no damage but good to know, one line each. `whole`: what ("sealed files")
     -> how many are as they were written, and of how many; `sessions`: names of those that no damage affects. `head`:
-    None where the ledger is damaged. `is_backup`: it holds no decoded file, as a backup does. `tell` hears which file
-    is being looked at."""
+    None where the ledger is damaged. `is_backup`: it holds no decoded file, as a backup does."""
 
     damages: list[Damage] = field(default_factory=list)
     hints: list[str] = field(default_factory=list)
@@ -56,7 +55,6 @@ class StoreCheck:
     sessions: list[str] = field(default_factory=list)
     head: Head | None = None
     is_backup: bool = False
-    tell: Callable[[str], None] = field(default=lambda _: None, repr=False, compare=False)
 
     def twice(self, path: Place, look: Callable[[], str | None]) -> str | None:
         """What `look` finds at `path`, where it finds something a second time too; else that is a hint."""
@@ -82,7 +80,7 @@ def check(
 
     `since` is a head that was noted down before.
     """
-    found, place = StoreCheck(tell=tell), store.ledger.place
+    found, place = StoreCheck(), store.ledger.place
     tell("checking every event of the ledger")
     seen = _audited(store, since)
     if seen.findings:
@@ -92,7 +90,7 @@ def check(
         if not seen.findings:
             found.hints.append(f"{place.where}: was read wrong at first and right after: {first.findings[0].says}")
     whole = _whole_by(workers, store, seen) if read and workers else set()
-    _check_files(found, store.files, store.archive, seen, read, whole)
+    _check_files(found, store.files, store.archive, seen, read, whole, tell)
     index = store.folder.absolute() / INDEX
     kept = LedgerIndex.load(index, place.stamp())
     if kept and not seen.findings and not kept.says_as(seen.recorded):
@@ -188,14 +186,15 @@ def _check_files(
     seen: LedgerHistory,
     read: bool,
     whole: Collection[tuple[str, str]] = (),
+    tell: Callable[[str], None] = lambda _: None,
 ) -> None:
     """`whole`: files that need not be looked at, as `_whole_by` gives them."""
     facts, files = fold(seen.recorded), cited(seen.recorded)
     for says, stream in seen.findings:
         affects = sessions_on(facts, stream.partition("-")[2]) if stream else sessions_without_ground(facts)
         found.damages.append(Damage(says, affects, LEDGER))
-    _check_sealed(found, archive, files, read, partial(sessions_on, facts), whole)
-    _check_products(found, folder, facts, read, partial(sessions_on, facts), whole)
+    _check_sealed(found, archive, files, read, partial(sessions_on, facts), whole, tell)
+    _check_products(found, folder, facts, read, partial(sessions_on, facts), whole, tell)
     if not seen.findings:
         gone = forgotten(seen.recorded)
         decodes = {one.event.decode for one in seen.recorded if isinstance(one.event, DecodeCompleted)}
@@ -213,10 +212,11 @@ def _check_sealed(
     read: bool,
     affects: Callable[[str], tuple[str, ...]],
     whole: Collection[tuple[str, str]],
+    tell: Callable[[str], None],
 ) -> None:
     names, bad = sorted({*archive, *files}), 0
     for number, sha256 in enumerate(names, 1):
-        found.tell(f"checking sealed file {number:,} of {len(names):,}: {sha256[:12]}")
+        tell(f"checking sealed file {number:,} of {len(names):,}: {sha256[:12]}")
         path = archive.folder / sha256[:2] / sha256
         if (_sealed(sha256), sha256) in whole:
             continue
@@ -234,6 +234,7 @@ def _check_products(
     read: bool,
     affects: Callable[[str], tuple[str, ...]],
     whole: Collection[tuple[str, str]],
+    tell: Callable[[str], None],
 ) -> None:
     """A product that is missing is a hint where a session needs it, as it is made again; one that is not what the
     decode gave is damage. Where all are missing, that is one hint."""
@@ -246,7 +247,7 @@ def _check_products(
         for name, sha256 in decode.products.items():
             path = folder / "decoded" / decode.decode / Path(name).name
             count += 1
-            found.tell(f"checking decoded file {count:,} of {every:,}: {path.name}")
+            tell(f"checking decoded file {count:,} of {every:,}: {path.name}")
             if (_product(decode, name), sha256) in whole:
                 continue
             says: str | None = None

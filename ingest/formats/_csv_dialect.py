@@ -15,6 +15,7 @@ from ingest.errors import UnreadableLogError
 from ingest.formats import _csv_numbers
 from ingest.formats._csv_numbers import MISSING, Numerals
 from ingest.formats._csv_stamps import is_stamp
+from ingest.texts.names import each_once
 from ingest.texts.units import normal_unit
 
 DELIMITERS = (",", ";", "\t", "|")
@@ -233,17 +234,11 @@ def _check_header(header: Sequence[str], rows: Sequence[Sequence[str]], delimite
 
 def unique(header: Sequence[str]) -> tuple[tuple[str, ...], dict[str, list[str]]]:
     """Each name once: an empty one is called by its place, a second `T` is called `T_2`."""
-    taken: dict[str, None] = {}
+    names = each_once([text or f"column_{place}" for place, text in enumerate(header, 1)])
     called: dict[str, list[str]] = {}
-    for place, text in enumerate(header, 1):
-        plain = text or f"column_{place}"
-        name, count = plain, 1
-        while name in taken or (count > 1 and name in header):
-            count += 1
-            name = f"{plain}_{count}"
-        taken[name] = None
+    for text, name in zip(header, names, strict=True):
         called.setdefault(text, []).append(name)
-    return tuple(taken), {text: names for text, names in called.items() if names != [text]}
+    return names, {text: names for text, names in called.items() if names != [text]}
 
 
 def _is_units_row(rows: Sequence[Sequence[str]], numerals: Numerals) -> bool:

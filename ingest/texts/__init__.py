@@ -2,5 +2,5 @@
 
 `toml_file` over `toml_lines` refuses with file and line, `quantities` over `units` knows units, `expressions` over
 `powers` derived channels, `nearest` what was probably meant, `guessing` what a signal probably is; `plain` writes
-names so that they steer no terminal, `times` seconds as h:mm:ss.
+names so that they steer no terminal, `names` makes names differ, `times` writes seconds as h:mm:ss.
 """

@@ -29,7 +29,7 @@ from twin.compiled.once import once_a_network
 from twin.filters.inputs import AnyReading, FilterStart, Given, Inputs, inputs_of, with_walks
 from twin.filters.plan import Plan, entry_at, x_at
 from twin.filters.planning import plan
-from twin.filters.readings import ReadingsPlan, correct, observe, readings_of, row_of
+from twin.filters.readings import ReadingsPlan, at_step, correct, observe, readings_of
 from twin.filters.step import carry
 from twin.filters.unknowns import Unknown, UnknownBias, UnknownFactor, UnknownHeat
 from twin.motor.network import Network
@@ -166,19 +166,15 @@ def through(
 ) -> float:
     """The filter over the steps of `given`, from the state in `numbers` to that at the last edge: fills `found`, and
     returns the log likelihood of the readings."""
-    features, boundaries, readings, places, variances = given
     states, spreads, innovations = found
-    likelihood, early = 0.0, bool((places != 1.0).any())
-    m, at, channels = pointer(numbers, 0), pointer(indices, 0), readings.shape[1]
-    for k in range(len(boundaries) + 1):
+    likelihood, early = 0.0, bool((given.places != 1.0).any())
+    m, at, channels = pointer(numbers, 0), pointer(indices, 0), given.values.shape[1]
+    for k in range(len(given.boundaries) + 1):
         if k > 0:
-            phi = pointer(features, (k - 1) * features.shape[1])
-            outside, read = pointer(boundaries, (k - 1) * boundaries.shape[1]), (k - 1) * channels
+            phi, outside, values, place, variance = at_step(given, k - 1)
             carry(plan, m, at, phi, outside, early)
-            values, place = pointer(readings, read), pointer(places, row_of(places, k - 1) * channels)
-            variance = pointer(variances, row_of(variances, k - 1) * channels)
             count = observe(plan, taken, m, at, outside, values, place, variance)
-            likelihood += correct(plan, taken, m, at, count, pointer(innovations, 2 * read))
+            likelihood += correct(plan, taken, m, at, count, pointer(innovations, 2 * (k - 1) * channels))
         for i in range(states.shape[1]):
             states[k, i], spreads[k, i] = m[x_at(plan, plan.state, i)], m[entry_at(plan, plan.state, i, i)]
     return likelihood

@@ -35,6 +35,7 @@ from twin.arithmetic.lanes import (
     width,
     within,
 )
+from twin.filters.inputs import Given
 from twin.filters.matrix import amounts_at, counted, laws_at, surround, term_at
 from twin.filters.plan import Plan, StateRows, psi_of, term_of, x_at
 
@@ -256,6 +257,20 @@ def _make_lists(
         q += 1
     at[u(r.number)] = q
     at[u(r.rows + q)] = -1
+
+
+@within
+def at_step(given: Given, step: int) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+    """What one step is given: monomials (F,), boundaries (b,) [degC], and what is read (m + q,) [degC, W] with its
+    places in the step and the variances of its noise."""
+    f, b, channels = given.features.shape[1], given.boundaries.shape[1], given.values.shape[1]
+    return (
+        pointer(given.features, step * f),
+        pointer(given.boundaries, step * b),
+        pointer(given.values, step * channels),
+        pointer(given.places, row_of(given.places, step) * channels),
+        pointer(given.variances, row_of(given.variances, step) * channels),
+    )
 
 
 @within

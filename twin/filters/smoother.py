@@ -35,7 +35,7 @@ from twin.filters.ekf import Estimate, FilterRun, columns_of, courses, estimate_
 from twin.filters.inputs import AnyReading, FilterStart, Given, Inputs, inputs_of
 from twin.filters.plan import Plan, entry_at, x_at
 from twin.filters.planning import plan
-from twin.filters.readings import ReadingsPlan, correct, entries_of, entry_of, observe, readings_of, row_of
+from twin.filters.readings import ReadingsPlan, at_step, correct, entries_of, entry_of, observe, readings_of
 from twin.filters.step import carry, derive
 from twin.filters.unknowns import Unknown
 from twin.motor.network import Network
@@ -173,17 +173,14 @@ def _back_through(
     """Filter a block again from the state in `numbers`, keep what the way back needs, and go back: [L | l] from the
     block's last edge to its first. Filled: `states` and `spreads` (N, c), the first c numbers of the smoothed state
     and their variances, at all of the block's edges but the last."""
-    features, boundaries, readings, places, variances = given
     size, length = plan.size, plan.length
-    innovations, early = np.empty((readings.shape[1], 2)), bool((places != 1.0).any())
-    m, at, channels = pointer(numbers, 0), pointer(indices, 0), readings.shape[1]
-    for k in range(len(boundaries)):
+    innovations, early = np.empty((given.values.shape[1], 2)), bool((given.places != 1.0).any())
+    m, at = pointer(numbers, 0), pointer(indices, 0)
+    for k in range(len(given.boundaries)):
         scaled(m, edge_of(plan, back, k), 1.0, plan.state, length * length)
-        outside, values = pointer(boundaries, k * boundaries.shape[1]), pointer(readings, k * channels)
-        carry(plan, m, at, pointer(features, k * features.shape[1]), outside, early)
+        phi, outside, values, place, variance = at_step(given, k)
+        carry(plan, m, at, phi, outside, early)
         derive(plan, m, at, back.one, back.before)
-        place = pointer(places, row_of(places, k) * channels)
-        variance = pointer(variances, row_of(variances, k) * channels)
         count = observe(plan, taken, m, at, outside, values, place, variance)
         at[back.taken + k] = count
         rows, matrix = rows_of(plan, taken, back, k), matrix_of(plan, back, k)
@@ -192,7 +189,7 @@ def _back_through(
         unit = plan.unit + 1
         less(m, at, plan.row, size, taken.taken, count, matrix, back.before, rows, unit, taken.gain, 1, length)
         _make_independent(plan, taken, m, at, count, innovations, rows)
-    for k in range(len(boundaries) - 1, -1, -1):
+    for k in range(len(given.boundaries) - 1, -1, -1):
         rows, matrix = rows_of(plan, taken, back, k), matrix_of(plan, back, k)
         _before_step(plan, taken, back, m, at, at[back.taken + k], rows, matrix)
         edge, product = edge_of(plan, back, k), back.product

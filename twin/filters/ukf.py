@@ -21,7 +21,7 @@ from twin.arithmetic.lane_code import pointer
 from twin.filters.ekf import Estimate, FilterCourse, filtered_by
 from twin.filters.inputs import AnyReading, FilterStart, Given, inputs_of
 from twin.filters.plan import Plan, entry_at, x_at
-from twin.filters.readings import ReadingsPlan, correct, observe, row_of
+from twin.filters.readings import ReadingsPlan, at_step, correct, observe
 from twin.filters.step import move
 from twin.filters.unknowns import Unknown
 from twin.motor.network import Network
@@ -48,22 +48,18 @@ def _through(
     plan: Plan, taken: ReadingsPlan, numbers: Floats, indices: Index, given: Given, found: FilterCourse
 ) -> float:
     """The filter over N steps; takes, fills and returns what `twin.filters.ekf.through` does."""
-    features, boundaries, readings, places, variances = given
     states, spreads, innovations = found
     likelihood, size, length = 0.0, plan.size, plan.length
-    m, at, channels = pointer(numbers, 0), pointer(indices, 0), readings.shape[1]
+    m, at, channels = pointer(numbers, 0), pointer(indices, 0), given.values.shape[1]
     covariance = numbers[plan.state : plan.state + size * length].reshape((size, length))
     root, points = np.empty((size, size)), np.empty((2, 2 * size + 1, size))
-    for k in range(len(boundaries) + 1):
+    for k in range(len(given.boundaries) + 1):
         if k > 0:
-            phi = pointer(features, (k - 1) * features.shape[1])
-            outside, read = pointer(boundaries, (k - 1) * boundaries.shape[1]), (k - 1) * channels
+            phi, outside, values, place, variance = at_step(given, k - 1)
             _root(covariance, root)
             _carry(plan, m, at, phi, outside, root, points[0], points[1])
-            values, place = pointer(readings, read), pointer(places, row_of(places, k - 1) * channels)
-            variance = pointer(variances, row_of(variances, k - 1) * channels)
             count = observe(plan, taken, m, at, outside, values, place, variance)
-            likelihood += correct(plan, taken, m, at, count, pointer(innovations, 2 * read))
+            likelihood += correct(plan, taken, m, at, count, pointer(innovations, 2 * (k - 1) * channels))
         for i in range(states.shape[1]):
             states[k, i], spreads[k, i] = m[x_at(plan, plan.state, i)], m[entry_at(plan, plan.state, i, i)]
     return likelihood

@@ -101,7 +101,7 @@ def run_protocol(
                 f"nothing in {network.name} moves a node by {MOVES_K} K on {_named(drives)}: there is nothing to fit."
             )
         tell(f"fitting {len(names)} of {len(weighed.parameters)} parameters to {_named(points)}")
-        calibration = calibrate_sessions(store, facts, points, parent, level, names)
+        calibration = calibrate_sessions(store, facts, points, parent, level, names, tell)
         tell("weighing the points")
         fitted = calibration.calibration
         noise = fitted.fit.model.noise

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ingest.texts.names import each_once
 from replay.engine.files.motor_file import SCHEMA
 from replay.engine.files.toml_edit import as_text
 from replay.errors import MotorFileError
@@ -162,13 +163,7 @@ def _plain(title: str) -> str:
 
 def _named(titles: Sequence[str]) -> tuple[str, ...]:
     """Each title as a name of a motor file, once."""
-    names: dict[str, None] = {}
-    for title in titles:
-        name, count = _plain(title), 1
-        while (one := name if count == 1 else f"{name}_{count}") in names:
-            count += 1
-        names[one] = None
-    return tuple(names)
+    return each_once([_plain(title) for title in titles])
 
 
 # ---- the network -----------------------------------------------------------------------------------------------------
