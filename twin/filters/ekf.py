@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar, assert_never
 
 import numba
 import numpy as np
@@ -237,5 +237,7 @@ def _at_pace(unknown: U, pace: float) -> U:
             return replace(unknown, walk_W=unknown.walk_W * pace)
         case UnknownFactor():
             return replace(unknown, walk=unknown.walk * pace)
-        case _:
+        case UnknownBias():
             return unknown
+        case _:
+            assert_never(unknown)

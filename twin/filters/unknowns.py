@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import assert_never
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,8 +131,10 @@ def _spread(unknown: Unknown) -> tuple[float, float]:
             return unknown.sd_W, unknown.walk_W
         case UnknownBias():
             return unknown.sd_K, unknown.walk_K
-        case _:
+        case UnknownFactor():
             return unknown.sd, unknown.walk
+        case _:
+            assert_never(unknown)
 
 
 def variances(unknowns: Sequence[Unknown], order: Sequence[int], step_s: float) -> tuple[list[float], list[float]]:

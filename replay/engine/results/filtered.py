@@ -277,8 +277,10 @@ def unread(unknown: U) -> U:
             return replace(unknown, sd_W=UNREAD_SHARE * unknown.sd_W, walk_W=UNREAD_SHARE * unknown.walk_W)
         case UnknownFactor():
             return replace(unknown, sd=UNREAD_SHARE * unknown.sd, walk=UNREAD_SHARE * unknown.walk)
-        case _:
+        case UnknownBias():
             return unknown
+        case _:
+            assert_never(unknown)
 
 
 def is_read(network: Network, unknown: Unknown, sensors: Sequence[Sensor]) -> bool:
