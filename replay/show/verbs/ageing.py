@@ -40,10 +40,8 @@ def ageing_text(found: Assessment) -> str:
 def says(found: Assessment) -> list[tuple[str, str]]:
     """Name and text of all that the answer rests on: repeatability, rules, law, lives, other stresses."""
     rules = f"what an hour at another temperature is worth: {words.joined(found.rules)}; a range spans what they give"
-    parts = [
-        ("R", f"thermal resistance of the insulation; repeatability {found.repeatability_from}"),
-        ("Rules", rules),
-    ]
+    size = "thermal resistance of the insulation; percent per 100 h are 100 times the slope of ln R"
+    parts = [("R", f"{size}; repeatability {found.repeatability_from}"), ("Rules", rules)]
     parts += [("Law", _law(found.law))] if found.law else []
     parts += [("Life", _lives(found.life.law, found.criterion))] if found.life.law else []
     parts += [("Stress", text) for text in _stress(found)]

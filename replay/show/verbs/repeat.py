@@ -61,7 +61,8 @@ def alike(beside: Comparison, first: str, second: str) -> str:
     """How long, and by what they were laid beside each other."""
     shares = [f"{100 * share:.0f} % of {name}" for share, name in zip(beside.shares, (first, second), strict=True)]
     how = f"by {words.joined([*beside.by])}, in {words.counted(beside.stretches, 'stretch').replace('chs', 'ches')}"
-    return f"{words.duration(beside.matched_s)} {how}: {words.joined(shares)}."
+    means = "Below are the means of both over it, and the difference where it is largest."
+    return f"{words.duration(beside.matched_s)} {how}: {words.joined(shares)}. {means}"
 
 
 def floor(found: Repeat) -> str:
@@ -82,8 +83,8 @@ def channel_lines(beside: Comparison, first: str, second: str) -> list[str]:
 
 
 def channel_head(first: str, second: str) -> tuple[str, ...]:
-    """What stands above the cells of `channel_row`."""
-    return "channel", "unit", first, second, "differs", "explained", "floor", "", "most"
+    """What stands above the cells of `channel_row`: of each run its mean, then how they differ where that is most."""
+    return "channel", "unit", first, second, "at most", "explained", "floor", "", "where"
 
 
 def channel_row(one: ChannelDifference) -> tuple[str, ...]:
