@@ -142,6 +142,8 @@ class Facts:
     def _what_there_is(self, text: str) -> str:
         if not self.sessions:
             return "It holds none yet: `whyhot ingest FILE...`"
+        if text.startswith("d-") and any(one.startswith(text[2:]) for one in self.diagnoses):
+            return f"It is a diagnosis: `whyhot report {text}`"
         near = nearest(text, [session.name for session in self.sessions], count=3)
         return (f"Nearest: {', '.join(near)}. " if near else "") + "`whyhot sessions` lists them"
 

@@ -145,7 +145,7 @@ class Plain:
             case actions.Tent():
                 return "where next to nothing of the loss is left"
             case actions.Added():
-                return "as a path conducts no less than nothing"
+                return "as far below nothing as calibration lets a path go"
             case sensor_laws.Lag():
                 return "as no sensor is ahead of what it follows"
         return "as far as calibration lets it go"

@@ -173,11 +173,13 @@ def test_the_start_of_two_ids_is_refused_with_both() -> None:
         ("1_s", "session '1_s': is not in this store. Nearest: 1_s1. `whyhot sessions` lists them"),
         ("qqqqq", "session 'qqqqq': is not in this store. `whyhot sessions` lists them"),
         ("", "session '': is not in this store. `whyhot sessions` lists them"),
+        ("d-6d10", "session 'd-6d10': is not in this store. It is a diagnosis: `whyhot report d-6d10`"),
     ],
 )
 def test_an_unknown_session_is_refused_with_the_nearest_names(text: str, says: str) -> None:
     with pytest.raises(UnknownSessionError) as caught:
-        fold(session("ab", "1_s1"), session("cd", "wltp_hot")).session(text)
+        diagnosed = DiagnosisCompleted(diagnosis="6d10b535", key={}, artefact="a", summary={})
+        fold(session("ab", "1_s1"), session("cd", "wltp_hot"), diagnosed).session(text)
     assert str(caught.value) == says
 
 

@@ -114,7 +114,7 @@ def test_a_size_is_told_as_people_count_it(
 def test_what_is_held_says_where(plain: Plain, differences: dict[str, Parameter]) -> None:
     assert plain.bound(replace(differences["term2"], high=np.log(4.0))) == "a factor of 4"
     assert "nothing of the loss is left" in plain.bound(differences["map.yoke.4i"])
-    assert "conducts no less than nothing" in plain.bound(differences["conductance.winding-magnet"])
+    assert "as far below nothing" in plain.bound(differences["conductance.winding-magnet"])
 
 
 def test_each_has_a_test_that_would_tell_more(plain: Plain, differences: dict[str, Parameter]) -> None:
