@@ -69,7 +69,8 @@ def answer(found: SeenElsewhere) -> str:
     ill = [one for one in found.motors if one.probability >= SURE]
     well = [one for one in found.motors if one.probability <= 1 - SURE]
     total = words.counted(len(found.motors), "motor")
-    told = f"{found.cause.id} of d-{found.diagnosis.diagnosis[:8]} acts in {len(ill)} of {total} ({percent(SURE)} sure)"
+    sure = f"({percent(SURE)} sure or more)"
+    told = f"{found.cause.id} of d-{found.diagnosis.diagnosis[:8]} acts in {len(ill)} of {total} {sure}"
     open_ = len(found.motors) - len(ill) - len(well)
     rest = [f"not in {len(well)}"] * bool(well) + [f"{open_} cannot tell"] * bool(open_)
     return f"{'; '.join([told, *rest])}."

@@ -155,7 +155,8 @@ def _set_values(file: Path, known: Mapping[str, tuple[str, str]]) -> dict[str, F
     times = table.pop(TIME)
     length_s = times[-1] - times[0] if len(times) else 0.0
     if not 0.0 < length_s <= LONGEST_S or (np.diff(times) <= 0).any():
-        raise ReplayDataError(f"{file}: {TIME} rises from row to row, to {LONGEST_S:.0f} s after the first at most.")
+        rule = f"{TIME} must rise from row to row, over two rows at least and {LONGEST_S:.0f} s at most"
+        raise ReplayDataError(f"{file}: {rule}.")
     seconds = np.arange(0.0, length_s + STEP_S / 2, STEP_S)
     set_values = {name: np.interp(seconds, times - times[0], column) for name, column in table.items() if name in known}
     return {TIME: seconds, **set_values}

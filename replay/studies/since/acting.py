@@ -10,6 +10,7 @@ import numpy as np
 from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
+from ingest.texts.nearest import hint
 from replay.engine.files.bench_versions import with_bench_of
 from replay.engine.files.models import model_of
 from replay.errors import ReplayDataError
@@ -50,13 +51,29 @@ class Fitted:
 
 
 def fitted(
-    store: Store, facts: Facts, sessions: Sequence[SessionRecorded], model: str, level: str, tell: Tell
+    store: Store,
+    facts: Facts,
+    sessions: Sequence[SessionRecorded],
+    model: str,
+    level: str,
+    tell: Tell,
+    channel: str | None = None,
 ) -> Fitted:
-    """As a diagnosis begins. Raises ReplayDataError where sessions are too short or lack what the model needs."""
+    """As a diagnosis begins. Raises ReplayDataError where sessions are too short, lack what the model needs, or have
+    no `channel` that is asked about, before anything is fitted."""
     _refuse_short(sessions)
     with fitting(f"{sessions[0].name} with model {model[:12]}"):
         campaign = campaign_of(Question(store, with_bench_of(facts, model), sessions, [], model, level))
+        if channel is not None:
+            _refuse_unknown(campaign, channel)
         return Fitted(sessions, campaign, healthy_fit(campaign, tell))
+
+
+def _refuse_unknown(campaign: Campaign, channel: str) -> None:
+    known = list(dict.fromkeys(one.name for test in campaign.tests for one in test.channels))
+    if channel not in known:
+        others = hint(channel, known) or f" These do: {', '.join(known)}."
+        raise ReplayDataError(f"{channel}: observes no node in these sessions.{others}")
 
 
 def _refuse_short(sessions: Sequence[SessionRecorded]) -> None:

@@ -11,7 +11,6 @@ from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from ingest.morning.changes import Change, changes
-from ingest.texts.nearest import nearest
 from replay.engine.files.models import model_of
 from replay.errors import ReplayDataError
 from replay.studies.since.acting import Acting, Fitted, Since, acting, driven, fitted
@@ -97,8 +96,7 @@ def bisect(
 
     Raises ReplayDataError where no session has the channel, or they are too short to be fitted."""
     model = model or model_of(facts, sessions[-1])
-    read = fitted(store, facts, sessions, model, level, tell)
-    _refuse_unknown(read, channel)
+    read = fitted(store, facts, sessions, model, level, tell, channel)
     when = acting(facts, sessions)
     tell("weighing where it began")
     told = weighed(read.fit, read.campaign.candidates, when.sets, channel)
@@ -121,13 +119,6 @@ def bisect(
         changed=tuple(changes(store, facts, before, sessions[first])) if before else (),
         versions=versions(store, facts, sessions, model, level, channel),
     )
-
-
-def _refuse_unknown(read: Fitted, channel: str) -> None:
-    known = list(dict.fromkeys(one.name for test in read.campaign.tests for one in test.channels))
-    if channel not in known:
-        near = ", ".join(nearest(channel, known, count=3))
-        raise ReplayDataError(f"{channel}: observes no node in these sessions. Nearest: {near}.")
 
 
 def _residuals(read: Fitted, channel: str, probability: Sequence[float]) -> Iterator[Residual]:
