@@ -88,7 +88,7 @@ def _missing(found: Diagnosis | None, runs: Mapping[str, Run]) -> str:
     if found is None or not lacking:
         return ""
     name = diagnosis_name(found)
-    return f"{name}: not replayed yet {joined(lacking)}: whyhot report {name} does it, then view again"
+    return f"{name}: not replayed yet {joined(lacking)}: `whyhot report {name}` does it, then view again"
 
 
 def _models(diagnosis: Diagnosis) -> tuple[str | None, str | None, str | None]:

@@ -12,8 +12,8 @@ DEFAULT_STORE = Path("whyhot-store")
 BETWEEN = " · "  # several commands of one line; what is to be done by hand stands before the command
 NEXT = re.compile(r"^(next: |(?:Next|Then) {2,})(.*(?:\n {2,}\S.*)*)$", re.MULTILINE)
 VERB = re.compile(r"\bwhyhot ([a-z]+)(?![^`·]* --store )(?= |$)")  # one that names no store itself
-# what mends a store
-SAID = re.compile(r"(?:(?<=`)|(?<=next: ))whyhot (?:rebuild|verify|upgrade)(?![^`]* --store )(?=[ `;]|$)")
+# what mends a store, and what shows a diagnosis
+SAID = re.compile(r"(?:(?<=`)|(?<=next: ))whyhot (?:rebuild|verify|upgrade|report)(?![^`]* --store )(?=[ `;]|$)")
 
 
 def onward(text: str, store: Path = DEFAULT_STORE) -> str:
