@@ -100,8 +100,9 @@ def pooled_scales(
     families = {one: own for one, own in places.items() if len(own) >= POOLED_FROM}
     stated = np.array([p.sd for p, own in zip(parameters, free, strict=True) if own])
     scale: dict[Family | None, float] = dict.fromkeys(families, 1.0)
+    scales = np.ones(len(inside))
     for _ in range(ITERATIONS):
-        sd = np.concatenate([stated * [scale.get(one, 1.0) for one in inside], more])
+        sd = np.concatenate([stated * scales, more])
         factor = cho_factor(gram + np.diag(1 / sd**2), lower=True)
         beta = cho_solve(factor, right)
         variance = np.diag(cho_solve(factor, np.eye(len(sd))))
@@ -109,5 +110,5 @@ def pooled_scales(
             determined = float(np.sum(1 - variance[own] / sd[own] ** 2))
             square = float(np.sum((beta[own] / stated[own]) ** 2))
             fresh = np.sqrt((square + WEIGHT) / (determined + WEIGHT))
-            scale[one] = float(np.clip(fresh, one.least, one.most))
+            scales[own] = scale[one] = float(np.clip(fresh, one.least, one.most))
     return [scale.get(one, 1.0) for one in every]

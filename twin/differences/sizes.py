@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -21,8 +22,16 @@ class Scales:
     def at(self, node: str) -> float:
         """The largest mean conductance at a node or boundary; infinite where nothing is joined to it, so that the other
         end of a missing link sizes it."""
-        own = (g for place, g in self.conductance_W_per_K.items() if node in place.split("-"))
-        return max(own, default=float("inf"))
+        return self._largest.get(node, float("inf"))
+
+    @cached_property
+    def _largest(self) -> Mapping[str, float]:
+        """Node or boundary -> its largest mean conductance."""
+        found: dict[str, float] = {}
+        for place, conductance in self.conductance_W_per_K.items():
+            for end in place.split("-"):
+                found[end] = max(conductance, found.get(end, conductance))
+        return found
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from twin.run.sparse_march import ColumnSensor
 Floats = NDArray[np.float64]
 A = TypeVar("A", bound=Action)
 MISREADINGS = tuple(law for law in SENSOR_LAWS if issubclass(law, Misreading))
+ON_HEATS = actions.OnTerms | actions.OnTemperatures
 
 LAG_PROBE_S = 0.05  # for the slope of a reading by its lag, which has no kinks
 
@@ -40,6 +41,8 @@ class Sensing:
         self.times_s = [cut.times_s(step_s) for cut in self.blocks]
         self.weights = [circuit.weights(channel.sensor) for channel in channels]
         self.measured = [b.measured(c.measured) for b, c in zip(self.blocks, sensors, strict=True)]
+        self.names = [one.name for one in sensors]
+        self.meters = list(range(len(channels), len(sensors)))
         self.metering = Metering(circuit, self.blocks[len(channels) :])
         self._own: list[dict[type, list[tuple[int, Action]]]] = [{} for _ in self.blocks]
         for p, action in circuit.active:
@@ -49,12 +52,10 @@ class Sensing:
     def read_by(self, action: Action) -> list[int]:
         """The channels, then the meters, that an action makes read otherwise than the temperatures say. What is pulled
         towards the ambient reads its boundary; a meter reads heats, which anything may change."""
-        count = len(self.test.thermometers)
-        meters = list(range(count, count + len(self.test.meters)))
         if isinstance(action, actions.BoundaryBias) and action.boundary == self.ambient:
-            return [*(k for k in range(count) if self.pulled(k)), *meters]
-        if isinstance(action, actions.OnTerms | actions.OnTemperatures):
-            return meters
+            return [*(k for k in range(len(self.weights)) if self.pulled(k)), *self.meters]
+        if isinstance(action, ON_HEATS):
+            return self.meters
         match action:
             case Misreading() | Lag() | actions.Beside():
                 return self._called((action.channel,))
@@ -66,7 +67,7 @@ class Sensing:
                 assert_never(action)
 
     def _called(self, names: Sequence[str]) -> list[int]:
-        return [k for k, one in enumerate(self.test.sensors) if one.name in names]
+        return [k for k, one in enumerate(self.names) if one in names]
 
     def pulled(self, k: int) -> list[tuple[int, float]]:
         """The parameters by which channel k is pulled towards the ambient, and how much for each unit."""
