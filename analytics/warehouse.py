@@ -30,6 +30,7 @@ from analytics import doubled, partitions, scans, tables
 from analytics.errors import WarehouseError
 from analytics.reached import reach
 from ingest.facts.alias import is_misread
+from ingest.facts.durable import scratch
 from ingest.facts.facts import fold
 
 if TYPE_CHECKING:
@@ -101,8 +102,8 @@ def build(store: Store, target: Path, source: Mapping[str, str]) -> None:
     rows = _rows(store)
     try:
         _sweep(target.parent, BUILDING)
-        with tempfile.TemporaryDirectory(prefix=BUILDING, dir=target.parent) as folder:
-            made = Path(folder) / target.name
+        with scratch(target.parent, BUILDING) as folder:
+            made = folder / target.name
             with _database(str(made), default_block_size=BLOCK, memory_limit=BUILD_MEMORY) as connection:
                 fill(connection, rows, source, store.bucket, target.parent / partitions.FOLDER)
                 connection.execute("CHECKPOINT")  # what fails only when it is closed, DuckDB does not say

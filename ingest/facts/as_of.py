@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
+from ingest.facts.durable import scratch
 from ingest.facts.store import Store
 
 
@@ -17,12 +17,12 @@ def store_as_of(folder: Path, point: str) -> Iterator[Store]:
 
     Raises as `Store.open` and `Ledger.events`.
     """
-    with TemporaryDirectory(prefix="whyhot-as-of-") as made:
+    with scratch() as made:
         with Store.open(folder) as store:
             recorded = store.ledger.events(as_of=point)
             rows = [*store.ledger.rows(stop=recorded[-1].position)] if recorded else []
             gone = store.forgotten
-        with Store.open(Path(made) / "store", create=True) as then:
+        with Store.open(made / "store", create=True) as then:
             then.ledger.take_over(rows)
             then.forgotten = gone  # there is no way back to bytes
             then.read_behind(store)

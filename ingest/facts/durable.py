@@ -1,11 +1,14 @@
-"""Files that are whole and on disk, or not there; and the SHA-256 of a file."""
+"""Files that are whole and on disk, or not there; the SHA-256 of a file; folders for what is only on its way."""
 
 from __future__ import annotations
 
 import errno
 import hashlib
 import os
-from collections.abc import Iterable
+import shutil
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from io import BufferedReader
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -67,3 +70,17 @@ def write_file(folder: Path, chunks: Iterable[bytes]) -> Path:
         path.unlink()
         raise
     return path
+
+
+@contextmanager
+def scratch(beside: Path | None = None, begins: str = "whyhot-") -> Iterator[Path]:
+    """An empty folder, in `beside` or where the system keeps temporary files, with all that is in it gone at the end.
+
+    What cannot be removed is left: Python's `TemporaryDirectory` tries without end on a disk that denies it. Raises
+    OSError where no folder can be made.
+    """
+    folder = Path(tempfile.mkdtemp(prefix=begins, dir=beside))
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)

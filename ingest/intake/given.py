@@ -8,13 +8,13 @@ databases are given in the same ways.
 from __future__ import annotations
 
 import glob
-import tempfile
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from ingest.errors import IngestError, UnreadableLogError
+from ingest.facts.durable import scratch
 from ingest.facts.sessions import natural
 from ingest.facts.store import MARK
 from ingest.formats import ANY_TEXT, is_table, recognise
@@ -40,10 +40,10 @@ def opened(arguments: Sequence[Path], databases: Sequence[Path] = ()) -> Iterato
     """The logs of all arguments, as long as they are worked with. `databases`: files among them that were given as
     such, and need not be named. Raises IngestError for an argument that is not there."""
     known = {path.resolve() for path in databases}
-    with tempfile.TemporaryDirectory(prefix="whyhot-") as folder:
+    with scratch() as folder:
         given = GivenLogs()
         for number, argument in enumerate(arguments):
-            _add(given, argument, Path(folder) / str(number), known)
+            _add(given, argument, folder / str(number), known)
         yield given
 
 

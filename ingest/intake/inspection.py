@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import closing
@@ -15,6 +14,7 @@ from ingest.bench.bench_file import read_bench
 from ingest.bench.draft import draft_bench
 from ingest.bench.signals import Signal
 from ingest.errors import UnreadableLogError
+from ingest.facts.durable import scratch
 from ingest.formats import Rows, TimeSpec, recognise
 from ingest.intake.setup import Setup, refuse_missing, signals_in
 from ingest.log import clock, stamps
@@ -71,8 +71,8 @@ def inspect(files: Sequence[Path], databases: Sequence[Path], bench: Path | None
     refuse_missing(files)
     loaded = [load(path.read_bytes(), path.name) for path in databases]
     said = Setup(read_bench(bench.read_bytes(), bench.name), b"", (), None) if bench else None
-    with tempfile.TemporaryDirectory() as folder, closing(Reader()) as reader:
-        looked = tuple(_look(reader, path, Path(folder), said) for path in files)
+    with scratch() as folder, closing(Reader()) as reader:
+        looked = tuple(_look(reader, path, folder, said) for path in files)
     readings = [one.reading for one in looked if one.reading]
     ranges: dict[str, tuple[float, float]] = {}
     for one in looked:

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from ingest.errors import DamageError, UnreadableLogError
+from ingest.facts.durable import scratch
 from ingest.facts.events import DecodeCompleted
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
@@ -48,8 +47,8 @@ def locate(store: Store, facts: Facts, decode: DecodeCompleted, records: Sequenc
     Raises DamageError where the bytes are not what was sealed; a record that is not there has no entry.
     """
     sealed = facts.files[decode.raw]
-    with TemporaryDirectory(prefix="whyhot-") as folder:
-        named = Path(folder) / sealed.name  # readers know a format by its name
+    with scratch() as folder:
+        named = folder / sealed.name  # readers know a format by its name
         try:
             store.archive.lend(decode.raw, named)
         except DamageError as error:

@@ -10,12 +10,12 @@ from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from pathlib import Path
 from shutil import rmtree
-from tempfile import TemporaryDirectory
 from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ingest.facts.durable import scratch
 from ingest.formats import Frames, Rows
 from ingest.log import recording, spill
 from ingest.log.clock import DAY_NS, JUMP_NS, SECOND_NS, Ints, StampFaults, Stream
@@ -40,16 +40,16 @@ def look(path: Path) -> StampFaults:
     """The faults of the stamps in the recording at `path`. Raises DamageError, and OSError where the disk is full."""
     found = StampFaults()
     strays: list[Ints] = []
-    with TemporaryDirectory(dir=path.parent) as place:
-        streams: Spill[Stream] = Spill(Path(place), RECORD)
+    with scratch(path.parent) as place:
+        streams: Spill[Stream] = Spill(place, RECORD)
         for _, batch in recording.read(path):
             for stream, at, prints in _taken_apart(batch):
                 streams.add(stream, _table(RECORD, batch.t_ns[at], batch.record[at], prints))
         for stream in streams.names:
             one = _Look(streams, stream)
             strays.append(one.strays(found))
-            one.count(found, Path(place) / "stream")
-            rmtree(Path(place) / "stream", ignore_errors=True)  # few need one
+            one.count(found, place / "stream")
+            rmtree(place / "stream", ignore_errors=True)  # few need one
     found.strays = np.sort(np.concatenate([found.strays, *strays]))
     return found
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from ingest.bench.bench_file import SCHEMA, read_bench
 from ingest.errors import IngestError
+from ingest.facts.durable import scratch
 from ingest.facts.facts import Facts
 from ingest.intake.given import databases_in, files_in
 from ingest.intake.intake import Intake
@@ -104,8 +104,8 @@ def _last_setup(store: Store, facts: Facts, motor_file: Callable[[Path], MotorFi
     last = decodes[-1]
     setup = sealed_setup(store, facts, last)
     if last.model:
-        with TemporaryDirectory(prefix="whyhot-") as folder:
-            named = Path(folder) / last.model
+        with scratch() as folder:
+            named = folder / last.model
             store.archive.lend(last.model, named)
             motor = motor_file(named)
         setup = replace(setup, motor=replace(motor, file=facts.models[last.model].file))

@@ -74,16 +74,15 @@ def _write_report(found: Morning, notes: Sequence[str], store: Store | None, arg
 def _stores(folder: Path, kept: bool) -> Iterator[tuple[Store, tuple[Store, Facts] | None]]:
     """The store that the logs go into, and the one that was there before with its facts: the same where they are kept,
     else one that is thrown away."""
-    import tempfile
-
     from ingest.facts import facts
+    from ingest.facts.durable import scratch
     from ingest.facts.store import MARK, Store
 
     if kept:
         with Store.open(folder, create=True, write=True) as store:
             yield store, (store, facts.at(store.ledger))
         return
-    with tempfile.TemporaryDirectory(prefix="whyhot-") as away, Store.open(Path(away) / "s", create=True) as store:
+    with scratch() as away, Store.open(away / "s", create=True) as store:
         if not (folder / MARK).is_file():
             yield store, None
             return
