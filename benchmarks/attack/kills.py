@@ -10,7 +10,7 @@ import json
 import re
 import signal
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,7 @@ STORES = ("store", "copy", "new")
 class Whole:
     """A command that nothing stops: its words, the folder that it starts from (`ready`) and the head of its store, what
     that folder's stores say after it, how long it takes, how many changes of a disk it makes, and how often it opens a
-    file or reads of one."""
+    file or reads of one; `answer`: what it says, where it only reads."""
 
     verb: str
     words: Sequence[str]
@@ -37,6 +37,7 @@ class Whole:
     seconds: float
     changes: int
     reads: int
+    answer: str
 
     def fresh(self, folder: Path) -> Verb:
         """The same command in a new folder."""
@@ -51,6 +52,8 @@ class Whole:
                 if not any(sha256 in named for sha256 in re.findall("[0-9a-f]{64}", line)):
                     return f"{how}: {store}: {line}"
         code, said = stopped.ended()
+        if self.answer and said != self.answer:
+            return f"{how}, then again (exit code {code}), says: {said[-300:]}"
         means = _means(stopped.folder)
         if means != self.means:
             other = {line for all_of in (means, self.means) for lines in all_of.values() for line in lines}
@@ -59,9 +62,9 @@ class Whole:
         return "Traceback" if "Traceback" in said else ""
 
 
-def wholes(arena: Arena) -> list[Whole]:
-    """So many of the verbs that write as there are tries, drawn, or all. Raises RuntimeError where one fails."""
-    verbs = arena.verbs or [*subjects.WRITING]
+def wholes(arena: Arena, of: Collection[str] = tuple(subjects.WRITING)) -> list[Whole]:
+    """So many of these verbs as there are tries, drawn, or all. Raises RuntimeError where one fails."""
+    verbs = arena.verbs or [*of]
     return [_whole(arena, verb) for verb in arena.chance.sample(verbs, min(arena.tries, len(verbs)))]
 
 
@@ -74,7 +77,7 @@ def _whole(arena: Arena, verb: str) -> Whole:
 
 
 def _once(arena: Arena, verb: str, ready: Path) -> dict[str, Any]:
-    words = subjects.WRITING[verb].prepared(subjects.copied(arena.bench, ready)).words
+    words = subjects.VERBS[verb].prepared(subjects.copied(arena.bench, ready)).words
     once, calls = Verb(words, subjects.copied(ready, arena.folder / "once")), arena.folder / "calls.txt"
     with calls.open("wb", buffering=0) as file:
 
@@ -89,7 +92,8 @@ def _once(arena: Arena, verb: str, ready: Path) -> dict[str, Any]:
         raise RuntimeError(f"{verb}: {code}: {said}")
     made = calls.read_bytes()
     counts = {"changes": made.count(b"c"), "reads": made.count(b"r")}
-    return {"words": words, "means": _means(once.folder), "seconds": seconds, **counts}
+    answer = said if verb in subjects.READING else ""
+    return {"words": words, "means": _means(once.folder), "seconds": seconds, "answer": answer, **counts}
 
 
 def _means(folder: Path) -> dict[str, list[str]]:

@@ -1,4 +1,4 @@
-"""What is attacked: a store of a few events, a test bench's with two logs and a replay, and the verbs that write."""
+"""What is attacked: a store of a few events, a test bench's with two logs and a replay; verbs that write or read."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ unit = "K/W"
 
 
 @dataclass(frozen=True)
-class Writing:
-    """A verb that writes: its words, in a folder of `bench` to whose store `before` was done."""
+class Attacked:
+    """A verb: its words, in a folder of `bench` to whose store `before` was done."""
 
     words: Sequence[str]
     before: Callable[[Path], object] = lambda folder: None
@@ -91,23 +91,40 @@ def _stale(folder: Path) -> None:
 
 
 WRITING = {
-    "ingest": Writing((*INGEST, "3_s2.csv")),
-    "morning": Writing(("morning", "3_s2.csv", "--bench", "bench.toml", "--ingest")),
-    "replay": Writing(("replay", "2_drive")),
-    "calibrate": Writing(CALIBRATE),
-    "diagnose": Writing(DIAGNOSE, _exchanged),
-    "accept": Writing(("accept", DIAGNOSIS), lambda folder: _exchanged(folder, DIAGNOSE)),
-    "ageing": Writing(("ageing",), _checked),
-    "stale": Writing(("stale", "--redo"), _stale),
-    "retract": Writing(("retract", "1_s1", "--reason", "the wrong motor")),
-    "forget": Writing(("forget", "1_s1.blf", "--reason", "the contract ended")),
-    "correct": Writing(("correct", "1_s1", "--specimen", "servo-02", "--reason", "misread")),
-    "attach": Writing(("attach", "crack.jpg", "--specimen", "servo-01", "--finding", "crack")),
-    "upgrade": Writing(("upgrade",), _by_another_version),
-    "rebuild": Writing(("rebuild",)),
-    "backup": Writing(("backup", "copy"), lambda folder: _done(folder, (*INGEST, "3_s2.csv"))),
-    "restore": Writing(("restore", "copy", "--store", "new")),
+    "ingest": Attacked((*INGEST, "3_s2.csv")),
+    "morning": Attacked(("morning", "3_s2.csv", "--bench", "bench.toml", "--ingest")),
+    "replay": Attacked(("replay", "2_drive")),
+    "calibrate": Attacked(CALIBRATE),
+    "diagnose": Attacked(DIAGNOSE, _exchanged),
+    "accept": Attacked(("accept", DIAGNOSIS), lambda folder: _exchanged(folder, DIAGNOSE)),
+    "ageing": Attacked(("ageing",), _checked),
+    "stale": Attacked(("stale", "--redo"), _stale),
+    "retract": Attacked(("retract", "1_s1", "--reason", "the wrong motor")),
+    "forget": Attacked(("forget", "1_s1.blf", "--reason", "the contract ended")),
+    "correct": Attacked(("correct", "1_s1", "--specimen", "servo-02", "--reason", "misread")),
+    "attach": Attacked(("attach", "crack.jpg", "--specimen", "servo-01", "--finding", "crack")),
+    "upgrade": Attacked(("upgrade",), _by_another_version),
+    "rebuild": Attacked(("rebuild",)),
+    "backup": Attacked(("backup", "copy"), lambda folder: _done(folder, (*INGEST, "3_s2.csv"))),
+    "restore": Attacked(("restore", "copy", "--store", "new")),
 }
+READING = {
+    "status": Attacked(()),
+    "sessions": Attacked(("sessions",)),
+    "show": Attacked(("show", "1_s1")),
+    "export": Attacked(("export", "1_s1", "--to", "csv")),
+    "sql": Attacked(("sql", "SELECT channel, count(*), sum(value) FROM samples GROUP BY ALL ORDER BY ALL")),
+    "lineage": Attacked(("lineage", "1_s1")),
+    "verify": Attacked(("verify", "--read")),
+    "head": Attacked(("head",)),
+    "inspect": Attacked(("inspect", "3_s2.csv")),
+    "report": Attacked(("report", "1_s1")),
+    "index": Attacked(("index", "--out", "pages")),
+    "as of": Attacked(("show", "1_s1", "--as-of", "11")),
+    "look": Attacked(("morning", "3_s2.csv", "--bench", "bench.toml")),
+    "motor": Attacked(("motor", "check", "motor.toml")),
+}
+VERBS = {**WRITING, **READING}
 
 
 def put(store: Store, text: str) -> None:

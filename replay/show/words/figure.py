@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import io
 import re
+import sys
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -88,10 +89,35 @@ class Plot:
 
 @contextmanager
 def style(key: str) -> Iterator[None]:
-    """Draw inside this. `key` makes the ids within the SVG, so that plots on one page cannot mix theirs up."""
-    with matplotlib.rc_context(STYLE | {"svg.hashsalt": key}), warnings.catch_warnings():
+    """Draw inside this. `key` makes the ids within the SVG, so that plots on one page cannot mix theirs up. Raises
+    OSError where the font cannot be read."""
+    with matplotlib.rc_context(STYLE | {"svg.hashsalt": key}), warnings.catch_warnings(), _font_read():
         warnings.filterwarnings("ignore", message="Glyph .* missing")  # the page's font has it
         yield
+
+
+@contextmanager
+def _font_read() -> Iterator[None]:
+    """Raises the OSError of a font that is read in here: letters are read as they are drawn, where matplotlib prints
+    the error and draws on, or says only that there is no such letter."""
+    lost: list[BaseException] = []
+    said, sys.unraisablehook = sys.unraisablehook, lambda told: _keep(lost, told) or said(told)
+    try:
+        yield
+    except RuntimeError:
+        if not lost:
+            raise
+    finally:
+        sys.unraisablehook = said
+    if lost:
+        raise lost[0]
+
+
+def _keep(lost: list[BaseException], told: sys.UnraisableHookArgs) -> bool:
+    """Whether what Python could not raise is an OSError, which is kept then."""
+    if found := isinstance(told.exc_value, OSError):
+        lost.append(told.exc_value)
+    return found
 
 
 def panels(width: float, heights: Sequence[float], top: float = 0.28) -> tuple[Figure, list[Axes]]:
