@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 Kind = TypeVar("Kind", bound=Hashable)
 Schema = tuple[tuple[str, str], ...]  # (name, type) of each column, in order
+Named = tuple[str, str, str, str | None]  # a file: its path, what it holds, what brings it back, its SHA-256
 Schemas = Mapping[str, Schema]  # of each file that a view reads
 
 FILE = "whyhot file"  # name of the scan's column with the path: no signal is called so
@@ -46,9 +47,8 @@ OPENED = "SELECT DISTINCT path FROM duckdb_logs_parsed('FileSystem') WHERE fs = 
 MANY = 64  # sessions that a file may hold for each of its rows to be held against all of them
 
 
-def named(connection: duckdb.DuckDBPyConnection) -> list[tuple[str, str, str, str | None]]:
-    """The Parquet files that the views read: path, kind of what they hold, what brings it back, and their SHA-256, None
-    where no event says it."""
+def named(connection: duckdb.DuckDBPyConnection) -> list[Named]:
+    """The Parquet files that the views read; their SHA-256 is None where no event says it."""
     return connection.execute(FILES, [READ]).fetchall()
 
 
@@ -79,18 +79,23 @@ def is_readable(bucket: Bucket | None, file: str) -> bool:
         return False
 
 
-def watch(connection: duckdb.DuckDBPyConnection) -> None:
-    """Let `connection` note from here on which files it opens, for `check`."""
-    connection.execute("CALL enable_logging('FileSystem')")
+def watch(connection: duckdb.DuckDBPyConnection, on: bool = True) -> None:
+    """Let `connection` note from here on which files it opens, for `check`, or no more: its notes are in memory."""
+    connection.execute("CALL enable_logging('FileSystem')" if on else "CALL disable_logging()")
 
 
-def check(connection: duckdb.DuckDBPyConnection, files: Iterable[tuple[str, str, str, str | None]]) -> None:
+def check(connection: duckdb.DuckDBPyConnection, files: Iterable[Named]) -> None:
     """Of `files`, hold those on this disk that `connection` has opened since it was last asked against their SHA-256:
-    DuckDB checks no CRC of a page, and a footer has none. Raises WarehouseError for the first that is another."""
+    DuckDB checks no CRC of a page, and a footer has none. Raises as `check_all`."""
     opened = {path for (path,) in connection.execute(OPENED).fetchall()}
     connection.execute("CALL truncate_duckdb_logs()")
+    check_all(one for one in files if one[0] in opened)
+
+
+def check_all(files: Iterable[Named]) -> None:
+    """Hold `files`, all on this disk, against their SHA-256. Raises WarehouseError for the first that is another."""
     for file, kind, again, sha256 in files:
-        if file in opened and sha256 and not _is_whole(Path(file), sha256):
+        if sha256 and not _is_whole(Path(file), sha256):
             raise WarehouseError(f"{file}: is damaged: no answer has these {kind}; next: {again}")
 
 

@@ -114,29 +114,29 @@ def build(store: Store, target: Path, source: Mapping[str, str]) -> None:
         ) from None
 
 
-def refresh(store: Store, as_of: str | None = None, anew: bool = False) -> Warehouse:
+def refresh(store: Store, as_of: str | None = None, anew: bool = False, watched: bool = True) -> Warehouse:
     """The warehouse of the store as it is now; made anew where the ledger, this package or DuckDB has changed, a file
     that was left out is there again, or with `anew`.
 
     With `as_of` (event number or ISO 8601 time), or in a folder whose name DuckDB misreads, it is made in memory and no
-    file is written. A file that is not whole is
-    moved aside, made again and told in `notes`. Raises WarehouseError as `build`, LedgerError for a bad `as_of`.
+    file is written. A file that is not whole is moved aside, made again and told in `notes`. `watched`: files are held
+    against their SHA-256 as they are read. Raises WarehouseError as `build`, LedgerError for a bad `as_of`.
     """
     if as_of is not None or is_misread(store.folder.resolve()):
-        return _in_memory(store, as_of)
+        return _in_memory(store, as_of, watched)
     path = store.folder.absolute() / FILE
     source = _source(store)
     notes: tuple[str, ...] = ()
     if not anew and (path.exists() or _log(path).exists()):
         try:
-            return _warehouse(_open(store, path, source))
+            return _warehouse(_open(store, path, watched, source))
         except _Stale:
             pass
         except _Broken as error:
             notes = (_set_aside(path, str(error)),)
     build(store, path, source)
     try:
-        return _warehouse(_open(store, path), *notes)
+        return _warehouse(_open(store, path, watched), *notes)
     except _Broken as error:
         raise WarehouseError(f"{path}: was made and cannot be read ({error}): see that the disk has space") from None
 
@@ -145,13 +145,18 @@ def connect(folder: str | Path, as_of: str | None = None) -> duckdb.DuckDBPyConn
     """A connection to the warehouse of the store in `folder`, for notebooks; `refresh` says what it is.
 
     It cannot leave the store: no other file, no network, no extension, no setting. `analytics.query` also refuses
-    statements that write, this raw connection leaves them to DuckDB. What `refresh` notes comes as a warning. Files are
-    not held against their SHA-256, as they are for `whyhot sql`: `whyhot verify --read` does that.
+    statements that write, this raw connection leaves them to DuckDB. What `refresh` notes comes as a warning. All files
+    are held against their SHA-256 here, as no one is asked before an answer is shown; those in a bucket are not.
+    Raises as `refresh`, WarehouseError where a file is damaged.
     """
     from ingest.facts.store import Store
 
-    with Store.open(Path(folder)) as store:
-        warehouse = refresh(store, as_of)
+    with Store.open(Path(folder)) as store, contextlib.ExitStack() as unless_done:
+        warehouse = refresh(store, as_of, watched=False)
+        unless_done.callback(warehouse.connection.close)
+        if not store.bucket:
+            scans.check_all(scans.named(warehouse.connection))
+        unless_done.pop_all()
     for note in filter(None, (*warehouse.notes, warehouse.left_out)):
         warnings.warn(note, stacklevel=2)
     return warehouse.connection
@@ -205,15 +210,15 @@ def fill(
     connection.commit()
 
 
-def confine(connection: duckdb.DuckDBPyConnection) -> None:
-    """Let `connection` read the Parquet files of its views and nothing else, for good.
+def confine(connection: duckdb.DuckDBPyConnection, watched: bool = True) -> None:
+    """Let `connection` read the Parquet files of its views and nothing else, for good; `watched`: as `scans.watch`.
 
     No other file, no network, no extension, no Python variable as a table; memory and threads are limited, and no
     setting can be changed afterwards. What a sort or a window needs beyond the memory lies in a folder of its own
     where the system keeps temporary files, made when it is needed and gone when the connection closes; what questions
     that were killed left there goes with the next one.
     """
-    scans.watch(connection)
+    scans.watch(connection, watched)
     temporary = Path(tempfile.gettempdir()).resolve()
     _sweep(temporary, SPILLING)
     spill = temporary / f"{SPILLING}{uuid4().hex}"
@@ -269,13 +274,13 @@ def _sweep(folder: Path, begins: str) -> None:
                 shutil.rmtree(old)
 
 
-def _in_memory(store: Store, as_of: str | None) -> Warehouse:
+def _in_memory(store: Store, as_of: str | None, watched: bool) -> Warehouse:
     recorded = store.ledger.events(as_of=as_of)
     facts = fold(recorded)
     with contextlib.ExitStack() as unless_done:
         connection = unless_done.enter_context(_database(":memory:"))
         fill(connection, tables.rows(store, facts, recorded), bucket=store.bucket)
-        confine(connection)
+        confine(connection, watched)
         unless_done.pop_all()
     gone = [f"{why}: its samples are in no answer" for raw, why in store.forgotten.logs.items() if raw in facts.files]
     return _warehouse(connection, *gone)
@@ -297,7 +302,9 @@ def _left_out(connection: duckdb.DuckDBPyConnection, kind: str | None = None) ->
     return f"{says}{many}: no answer has what was in it; next: {again}{others}"
 
 
-def _open(store: Store, path: Path, source: Mapping[str, str] | None = None) -> duckdb.DuckDBPyConnection:
+def _open(
+    store: Store, path: Path, watched: bool, source: Mapping[str, str] | None = None
+) -> duckdb.DuckDBPyConnection:
     """The file at `path`, attached read-only to a database of its own in memory, read through and confined.
 
     Attached and not opened: DuckDB would give a second opener in this process the settings, and after a rename the
@@ -320,7 +327,7 @@ def _open(store: Store, path: Path, source: Mapping[str, str] | None = None) -> 
             base = connection.execute("SELECT table_name FROM duckdb_tables() WHERE schema_name = 'base'").fetchall()
             for (table,) in base:
                 _digest(connection, f"base.{table}")  # reading a block is what checks it
-            confine(connection)
+            confine(connection, watched)
             unless_done.pop_all()
     except duckdb.Error as error:
         raise _Broken(_line(error)) from None

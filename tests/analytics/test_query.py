@@ -191,6 +191,8 @@ def test_a_damaged_page_is_told_with_its_file_and_the_next_command(store: Store)
     line = f"{path.absolute()}: is damaged: no answer has these samples; next: whyhot rebuild"
     with pytest.raises(WarehouseError, match=f"^{re.escape(line)}$"):
         ask(store, "SELECT sum(value), sum(t_ns) FROM samples")
+    with pytest.raises(WarehouseError, match=f"^{re.escape(line)}$"):
+        warehouse.connect(store.folder)
 
 
 @pytest.mark.parametrize("kind", ["samples", "temperatures", "residuals"])

@@ -420,6 +420,8 @@ def test_what_a_killed_question_left_is_swept_by_a_later_one(
 def test_a_notebook_gets_a_connection_and_notes_as_warnings(store: Store) -> None:
     with warehouse.connect(store.folder) as connection:
         assert connection.execute("SELECT count(*) FROM sessions").fetchall() == [(3,)]
+        assert connection.execute("SELECT count(*) FROM samples").fetchall() != [(0,)]
+        assert connection.execute("SELECT count(*) FROM duckdb_logs").fetchall() == [(0,)]  # memory, for ever
     _damage(store.folder / "warehouse.duckdb", "text")
     with pytest.warns(UserWarning, match="was not whole"):
         warehouse.connect(store.folder).close()
