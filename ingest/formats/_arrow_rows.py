@@ -21,7 +21,7 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 from pyarrow import types
 
-from ingest.formats import EARLIEST_NS, LATE_NS, Log, Rejected, Rows
+from ingest.formats import EARLIEST_NS, LATE_NS, Log, Rejected, Rows, most_unpacked
 from ingest.formats._csv_clocks import LATEST_NS, UNITS_NS, Clock, Flags, Ints
 from ingest.formats._csv_dialect import SAMPLE_ROWS, UNIT_IN_NAME, Dialect, unique
 from ingest.formats._csv_numbers import Numerals
@@ -83,7 +83,12 @@ class ArrowLog(Log):
 
     def batches(self) -> Iterator[Rows]:
         """Rows in file order. Raises UnreadableLogError where none can be read, or their time not be recognised."""
+        left = most = most_unpacked(self.path.stat().st_size)
         for table in self._tables():
+            left -= table.nbytes
+            if left < 0:
+                self._ended = f"unpacks to more than {most:,} bytes, in row {self.found:,}"
+                break
             if not self.found and table.num_rows:
                 self._begin(table)
             size = max(1, min(ROWS, VALUES // max(1, table.num_columns)))

@@ -12,9 +12,11 @@ import pyarrow as pa
 import pyarrow.parquet
 
 from ingest.errors import UnreadableLogError
+from ingest.formats import most_unpacked
 from ingest.formats._arrow_rows import DAMAGE, ROWS, ArrowLog, checked
 
 MAGIC = b"PAR1"
+NUMBER = 8  # bytes
 
 
 class ParquetLog(ArrowLog):
@@ -45,6 +47,7 @@ class ParquetLog(ArrowLog):
         except DAMAGE as error:
             raise self._damaged(error) from None
         with file:
+            self._refuse_bomb(file.metadata)
             for number in range(file.num_row_groups):
                 try:
                     yield from map(checked, file.iter_batches(ROWS, row_groups=[number], use_threads=False))
@@ -53,6 +56,15 @@ class ParquetLog(ArrowLog):
                         raise self._damaged(error) from None
                     self._ended = f"is damaged in row group {number + 1} of {file.num_row_groups}"
                     return
+
+    def _refuse_bomb(self, index: pa.parquet.FileMetaData) -> None:
+        """Before a row is read, where the index names more than any log of this size: zeros take no room."""
+        most = most_unpacked(self.path.stat().st_size)
+        if NUMBER * index.num_rows * index.num_columns > most:
+            raise UnreadableLogError(
+                f"{self.path.name}: its {index.num_rows:,} rows of {index.num_columns:,} columns unpack to more than "
+                f"{most:,} bytes, the limit for its size: no log does. Look at the file, or export it again."
+            )
 
     def _damaged(self, error: BaseException) -> UnreadableLogError:
         says = " ".join(str(error).split())[:200]

@@ -287,6 +287,20 @@ def test_a_parquet_file_with_a_damaged_group_keeps_those_before(tmp_path: Path) 
         read(path)
 
 
+def test_tables_of_zeros_are_stopped_at_a_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ingest.formats.ALWAYS", 1 << 20)
+    monkeypatch.setattr("ingest.formats.RATIO", 1)
+    table = pa.table({"t_s": np.arange(100_000.0), "T": np.zeros(100_000)})
+    parquet, feather = tmp_path / "bomb.parquet", tmp_path / "bomb.feather"
+    pa.parquet.write_table(table, parquet, use_dictionary=False, compression="zstd")
+    with pytest.raises(UnreadableLogError, match="its 100,000 rows of 2 columns unpack to more than 1,048,576 bytes"):
+        read(parquet)
+    write_feather(table, feather)
+    log, t_ns, _ = read(feather)
+    assert (log.cut or "").startswith("unpacks to more than 1,048,576 bytes, in row 65,000: ")
+    assert len(t_ns) == 65_000
+
+
 @pytest.mark.parametrize("name", ["sample.parquet", "sample.arrow"])
 def test_it_goes_through_the_child_process(tmp_path: Path, name: str) -> None:
     reader = Reader()
