@@ -8,6 +8,7 @@ import decimal
 import io
 import json
 import math
+import re
 from typing import Any
 
 from analytics.query import QueryResult
@@ -15,6 +16,7 @@ from ingest.texts.plain import plain_line
 
 NUMBERS = ("BIGINT", "DECIMAL", "DOUBLE", "FLOAT", "HUGEINT", "INTEGER", "SMALLINT", "TINYINT", "UBIGINT")
 PLAN = ("explain_key", "explain_value")  # the columns of EXPLAIN: a drawing of many lines
+WRAPPED = re.compile(r"""('(?:[^']|'')*')|"([A-Za-z_]\w*)"|count_star\(\)""")  # in an expression that has no name
 NARROWEST = 12  # characters that a text is cut to at most
 GAP = "  "
 
@@ -23,17 +25,15 @@ def to_text(result: QueryResult, width: int = 100) -> str:
     """The answer as a table; long texts are cut so that a line stays within `width` characters, as far as that goes."""
     if result.columns == PLAN:
         return "\n".join(str(value) for _, value in result.rows).rstrip()
+    heads = [_head(name) for name in result.columns]
     cells = [[_cell(value) for value in row] for row in result.rows]
-    widths = [
-        max([len(name), *(len(row[i]) for row in cells)]) for i, name in enumerate(map(plain_line, result.columns))
-    ]
+    widths = [max([len(head), *(len(row[i]) for row in cells)]) for i, head in enumerate(heads)]
     right = [kind.startswith(NUMBERS) for kind in result.types]
     whole = [kind.startswith((*NUMBERS, "TIME", "DATE")) for kind in result.types]  # half a number is another number
     least = [wide if keep else min(wide, NARROWEST) for wide, keep in zip(widths, whole, strict=True)]
     widths = _fit(widths, least, width)
     lines = [
-        GAP.join(map(_set, row, widths, right)).rstrip()
-        for row in [[plain_line(name) for name in result.columns], ["-" * wide for wide in widths], *cells]
+        GAP.join(map(_set, row, widths, right)).rstrip() for row in [heads, ["-" * wide for wide in widths], *cells]
     ]
     count = f"the first {len(cells):,} rows" if result.more else f"{len(cells):,} row{'s' * (len(cells) != 1)}"
     return "\n".join([*lines, f"({count})"])
@@ -61,6 +61,12 @@ def to_csv(result: QueryResult) -> str:
         plain = [_json(value, "") for value in row]
         writer.writerow([json.dumps(value) if isinstance(value, dict | list) else value for value in plain])
     return text.getvalue()
+
+
+def _head(name: str) -> str:
+    """A column's name to read: of an expression that got none, DuckDB's `"left"((a ->> 'b'), 3)` and `count_star()` as
+    people write them."""
+    return plain_line(WRAPPED.sub(lambda found: found[1] or found[2] or "count(*)", name))
 
 
 def _fit(widths: list[int], least: list[int], width: int) -> list[int]:

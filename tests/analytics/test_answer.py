@@ -36,6 +36,14 @@ def test_text_shows_every_double_with_its_decimals() -> None:
     assert to_text(QueryResult(("a",), ("BIGINT",), [(0,)])).splitlines()[2].strip() == "0"
 
 
+def test_text_heads_an_expression_as_people_write_it() -> None:
+    names = ('"left"((payload ->> \'"a"\'), 3)', "count_star()", 'max("value") FILTER (WHERE ("t s" > 3))')
+    result = QueryResult(names, ("VARCHAR",) * 3, [])
+    head = to_text(result).splitlines()[0]
+    assert head == """left((payload ->> '"a"'), 3)  count(*)  max(value) FILTER (WHERE ("t s" > 3))"""
+    assert [column["name"] for column in to_json(result)["columns"]] == list(names)  # what programs read stays
+
+
 def test_text_keeps_to_the_width_and_cuts_no_number() -> None:
     wide = QueryResult(
         columns=("hash", "t_ns", "says", "more_1", "more_2"),
