@@ -126,25 +126,23 @@ def killed_within(pid: int, seconds: float, by: int = signal.SIGKILL) -> int:
     return ended(pid)
 
 
-Act = Callable[[str], object]  # given the name of a call
+Act = Callable[[str], Callable[..., Any] | None]  # name of a call -> what is called in its place
 
 
 def _counted(number: int, act: Act, on: bool) -> Act:
     """`act` before the call of this number (from 0), with `on` before each later one too."""
     left = [number]
 
-    def step(name: str) -> None:
+    def step(name: str) -> Callable[..., Any] | None:
         left[0] -= 1
-        if left[0] == -1 or (on and left[0] < -1):
-            act(name)
+        return act(name) if left[0] == -1 or (on and left[0] < -1) else None
 
     return step
 
 
 def _watched(name: str, true: Callable[..., Any], step: Act) -> Callable[..., Any]:
     def call(*args: Any, **named: Any) -> Any:
-        step(name)
-        return true(*args, **named)
+        return (step(name) or true)(*args, **named)
 
     return call
 

@@ -24,15 +24,24 @@ from ingest.errors import UnreadableLogError
 from ingest.log.reading import MIB, Limits, Reader
 from made.places import LOGS
 
-ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EACCES, errno.EMFILE, errno.ESTALE)
+SHORT = 0  # no error: a write that takes half of what it is given
+ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EACCES, errno.EMFILE, errno.ESTALE, SHORT)
+WRITE = os.write
 FailAt = Callable[[int, children.Act, bool], None]
 FORMATS = ("blf", "asc", "mf4", "tdms", "csv")
 LIBRARIES = (-signal.SIGABRT, 127)  # exit codes where one in C++ gets no memory, or the linker for a thread
 TRACEBACK = ("Traceback", "Exception ignored")
 
 
-def _refuse(number: int, name: str) -> None:
-    raise OSError(number, os.strerror(number), name)
+def _refuse(number: int, name: str) -> Callable[..., int] | None:
+    """What is called in place of a call of this name. Raises OSError, but where a write is to fall short."""
+    if number != SHORT:
+        raise OSError(number, os.strerror(number), name)
+    return _half if name == "write" else None
+
+
+def _half(handle: int, data: bytes) -> int:
+    return WRITE(handle, data[: -(-len(data) // 2)])
 
 
 def _wrong(whole: Whole, verb: Verb, how: str, before: Callable[[], object], ends: Sequence[int] = (0, 1, 2)) -> str:
@@ -56,7 +65,7 @@ def io_errors(arena: Arena) -> Outcome:
         for (fail_at, number), on in chance.sample(faults, min(tries, len(faults))):
             error = chance.choice(ERRORS)
             call = f"{fail_at.__name__.removeprefix('at_')} {number}{' and all after it' if on else ''}"
-            how = f"{whole.verb}, {errno.errorcode[error]} at {call}"
+            how = f"{whole.verb}, {errno.errorcode.get(error, 'half a write')} at {call}"
             before = partial(fail_at, number, partial(_refuse, error), on)
             outcome.count(*filter(None, [_wrong(whole, whole.fresh(arena.folder), how, before)]))
     outcome.note = f"calls that can fail: {', '.join(f'{one.verb} {one.changes + one.reads}' for one in subject)}"
@@ -145,6 +154,6 @@ ATTACKS = (
     Attack(
         "T4", "a call of the disk fails", "one line, exit code 1 or 2, the same command works after", 1800, 1, io_errors
     ),
-    Attack("T5", "the disk is full", "as T4", 200, 1, full_disk),
+    Attack("T5", "the disk is full", "as T4", 400, 1, full_disk),
     Attack("T6", "memory ends", "a log: refused in one line that says so; a replay: as T4", 150, 5, no_memory),
 )

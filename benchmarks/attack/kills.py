@@ -82,8 +82,8 @@ def _once(arena: Arena, verb: str, ready: Path) -> dict[str, Any]:
     with calls.open("wb", buffering=0) as file:
 
         def count() -> None:
-            children.at_change(0, lambda name: file.write(b"c"), on=True)
-            children.at_read(0, lambda name: file.write(b"r"), on=True)
+            children.at_change(0, lambda name: file.write(b"c") and None, on=True)
+            children.at_read(0, lambda name: file.write(b"r") and None, on=True)
 
         began = time.monotonic()
         code, said = once.ended(count)

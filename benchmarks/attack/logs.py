@@ -193,6 +193,13 @@ def _parquet(path: Path) -> None:
             file.write_table(part)
 
 
+def _feather(path: Path) -> None:
+    part = pa.table({name: np.zeros(1 << 20) for name in ("time", "T")})
+    with pa.ipc.new_file(path, part.schema, options=pa.ipc.IpcWriteOptions(compression="zstd")) as file:
+        for _ in range(10 * ZEROS // part.nbytes):
+            file.write_table(part)
+
+
 def _text(text: str) -> Callable[[Path], None]:
     def write(path: Path) -> None:
         path.write_text(text, encoding="utf-8")
@@ -213,6 +220,7 @@ BOMBS: Mapping[str, tuple[str, Callable[[Path], None]]] = {
     "a sheet of an XLSX": ("bomb.xlsx", _xlsx),
     "a packed block of an MF4": ("bomb.mf4", _mf4),
     "columns of a Parquet file": ("bomb.parquet", _parquet),
+    "columns of a Feather file": ("bomb.feather", _feather),
 }
 BOMB_BYTES = 1 << 30
 STARTING_S = 30.0  # beyond what reading a log of its size may take

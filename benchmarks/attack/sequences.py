@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.attack import subjects
+from benchmarks.attack.children import Verb, killed_within
 from benchmarks.attack.outcome import Arena, Attack, Outcome
 from ingest.facts import facts
 from ingest.facts.durable import sha256_of
@@ -90,12 +91,17 @@ class Bench:
 
 
 def new(bench: Bench) -> None:
+    bench.wants(0, *_drawn_log(bench))
+
+
+def _drawn_log(bench: Bench) -> tuple[str, ...]:
+    """The command that ingests a log which the model knows from here on."""
     bench.made += 1
     path = bench.folder / f"log{bench.made}.csv"
     subjects.write_table(path, ROWS, seed=bench.made)
     specimen = bench.chance.choice("ABC")
     bench.logs[sha256_of(path)] = Logged(path.name, specimen)
-    bench.wants(0, "ingest", path.name, "--specimen", specimen)
+    return ("ingest", path.name, "--specimen", specimen)
 
 
 def again(bench: Bench) -> None:
@@ -156,11 +162,33 @@ def rebuilt(bench: Bench) -> None:
     bench.wants(0, "rebuild", "--verify")
 
 
+def killed(bench: Bench) -> None:
+    """A new log, killed on its way in; then the same command."""
+    words = _drawn_log(bench)
+    killed_within(Verb(words, bench.folder).start(), bench.chance.uniform(0, 0.3))
+    bench.wants(0, *words)
+
+
+def exported(bench: Bench) -> None:
+    log = bench.logs[bench.drawn()]
+    bench.wants(
+        0 if log.state == STANDS else WRONG, "export", log.name.removesuffix(".csv"), "--to", "csv", "-o", "out"
+    )
+    if log.state == STANDS:
+        rows = (bench.folder / "out").read_text().splitlines()[1:]
+        (bench.folder / "out").unlink()
+        assert len(rows) == ROWS, f"{len(rows)} rows exported"
+
+
+def verified(bench: Bench) -> None:
+    bench.wants(0, "verify", "--read")
+
+
 Rule = Callable[[Bench], None]
 Step = tuple[Rule, int]  # and what it draws from
 RULES: tuple[tuple[int, Rule], ...] = (
     *((5, new), (3, again), (3, corrected), (3, taken_back), (3, brought_back), (1, forgotten), (3, remembered)),
-    *((1, backed_up), (1, rebuilt)),
+    *((1, backed_up), (1, rebuilt), (2, killed), (2, exported), (1, verified)),
 )
 
 
@@ -175,7 +203,7 @@ def sequences(arena: Arena) -> Outcome:
         outcome.tried += done
         if says:
             outcome.count(f"run {number}: {_run(_shortest(steps, arena.folder / 'run'), arena.folder / 'run')[1]}")
-    outcome.note = f"sequences of {STEPS} steps, of {len(RULES)} kinds; kills are T1 and T2"
+    outcome.note = f"sequences of {STEPS} steps, of {len(RULES)} kinds"
     return outcome
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import shutil
 import signal
+import sqlite3
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 
@@ -40,7 +42,7 @@ def writers(arena: Arena) -> Outcome:
     outcome.failed += [f"twice: {len(there) - len(set(there))}"] * (len(there) != len(set(there)))
     outcome.failed += [f"a writer ended with {code}" for code in codes if code]
     outcome.failed += subjects.damages(folder)
-    outcome.note = f"{WRITERS} writers, and a reader that read {reads} times meanwhile; no checkpoints by others"
+    outcome.note = f"{WRITERS} writers, each forces a checkpoint, and a reader that read {reads} times meanwhile"
     return outcome
 
 
@@ -48,6 +50,13 @@ def _append(folder: Path, writer: int, count: int) -> None:
     for number in range(count):
         with Store.open(folder, write=True) as store:
             subjects.put(store, f"{writer}-{number}")
+            _checkpoint(folder / "ledger.sqlite")
+
+
+def _checkpoint(ledger: Path) -> None:
+    """Force what was committed into the ledger's file, from a connection beside that of the store."""
+    with closing(sqlite3.connect(ledger)) as connection:
+        connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
 
 
 def backups(arena: Arena) -> Outcome:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import os
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -20,9 +20,10 @@ from unittest import mock
 
 from benchmarks.attack import subjects
 from benchmarks.attack.outcome import Arena, Attack, Outcome
-from ingest.facts.backup import backup
+from ingest.facts.backup import backup, restore
 from ingest.facts.ledger_place import SqliteFile
 from ingest.facts.store import Store
+from ingest.intake.retractions import forget, retract
 
 Names = dict[str, int]  # path -> number of the file (its inode); 0 for a folder
 LEDGER = "ledger.sqlite"
@@ -145,12 +146,20 @@ WORKLOADS: Mapping[str, Callable[[Path], object]] = {
     "a product again": lambda folder: _again(folder / "before"),
     "a first backup": lambda folder: backup(folder / "before", folder / "store"),
     "a backup again": lambda folder: backup(folder / "before", folder / "copy"),
+    "a restore": lambda folder: restore(folder / "copy", folder / "store"),
+    "a log is taken back": lambda folder: _by_hand(folder / "before", retract),
+    "a log is forgotten": lambda folder: _by_hand(folder / "before", forget),
 }
 
 
 def _one_more(folder: Path) -> None:
     with Store.open(folder, write=True) as store:
         subjects.put(store, "one more")
+
+
+def _by_hand(folder: Path, put_right: Callable[[Store, Sequence[str], str], object]) -> None:
+    with Store.open(folder, write=True) as store:
+        put_right(store, ["log-0"], "drawn")
 
 
 def _again(folder: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -71,5 +71,7 @@ def whole(target: Path) -> Iterator[Path]:
     try:
         yield path
         path.replace(target)
-    finally:
-        path.unlink(missing_ok=True)
+    except BaseException:
+        with suppress(OSError):  # the first error is the one to say
+            path.unlink(missing_ok=True)
+        raise

@@ -92,8 +92,9 @@ def _put(path: Path, text: str) -> None:
         with os.fdopen(handle, "w", encoding="utf-8") as file:
             file.write(text)
         Path(temporary).replace(path)
-    finally:
+    except BaseException:
         Path(temporary).unlink(missing_ok=True)
+        raise
 
 
 def _imported(path: Path) -> Callable[..., None]:
