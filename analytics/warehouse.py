@@ -118,22 +118,25 @@ def refresh(store: Store, as_of: str | None = None, anew: bool = False, watched:
     """The warehouse of the store as it is now; made anew where the ledger, this package or DuckDB has changed, a file
     that was left out is there again, or with `anew`.
 
-    With `as_of` (event number or ISO 8601 time), or in a folder whose name DuckDB misreads, it is made in memory and no
-    file is written. A file that is not whole is moved aside, made again and told in `notes`. `watched`: files are held
+    With `as_of` (event number or ISO 8601 time), in a folder whose name DuckDB misreads, or where it would have to be
+    made in a folder that may only be read, it is made in memory and no file is written. A file that is not whole is moved aside, made again and told in `notes`. `watched`: files are held
     against their SHA-256 as they are read. Raises WarehouseError as `build`, LedgerError for a bad `as_of`.
     """
     if as_of is not None or is_misread(store.folder.resolve()):
         return _in_memory(store, as_of, watched)
     path = store.folder.absolute() / FILE
     source = _source(store)
-    notes: tuple[str, ...] = ()
+    broken: _Broken | None = None
     if not anew and (path.exists() or _log(path).exists()):
         try:
             return _warehouse(_open(store, path, watched, source))
         except _Stale:
             pass
         except _Broken as error:
-            notes = (_set_aside(path, str(error)),)
+            broken = error
+    if not os.access(store.folder, os.W_OK):
+        return _in_memory(store, None, watched)
+    notes = (_set_aside(path, str(broken)),) if broken else ()
     build(store, path, source)
     try:
         return _warehouse(_open(store, path, watched), *notes)

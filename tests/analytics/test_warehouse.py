@@ -392,6 +392,13 @@ def test_a_full_disk_is_one_line(store: Store, monkeypatch: pytest.MonkeyPatch) 
         warehouse.refresh(store)
 
 
+def test_a_store_that_may_only_be_read_is_asked_in_memory(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    for _ in range(2):
+        assert ask(store, "SELECT count(*) FROM sessions") == [(3,)]
+        assert not (store.folder / "warehouse.duckdb").exists()
+
+
 def test_what_a_killed_build_left_is_swept_by_a_later_one(store: Store) -> None:
     old, young = store.folder / "warehouse-old", store.folder / "warehouse-young"
     for folder in (old, young):
