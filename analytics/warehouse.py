@@ -119,8 +119,9 @@ def refresh(store: Store, as_of: str | None = None, anew: bool = False, watched:
     that was left out is there again, or with `anew`.
 
     With `as_of` (event number or ISO 8601 time), in a folder whose name DuckDB misreads, or where it would have to be
-    made in a folder that may only be read, it is made in memory and no file is written. A file that is not whole is moved aside, made again and told in `notes`. `watched`: files are held
-    against their SHA-256 as they are read. Raises WarehouseError as `build`, LedgerError for a bad `as_of`.
+    made in a folder that may only be read, it is made in memory and no file is written. A file that is not whole is
+    moved aside, made again and told in `notes`. `watched`: files are held against their SHA-256 as they are read.
+    Raises WarehouseError as `build`, LedgerError for a bad `as_of`.
     """
     if as_of is not None or is_misread(store.folder.resolve()):
         return _in_memory(store, as_of, watched)
