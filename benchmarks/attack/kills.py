@@ -12,6 +12,8 @@ import signal
 import time
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from functools import partial
+from io import RawIOBase
 from pathlib import Path
 from typing import Any
 
@@ -82,8 +84,8 @@ def _once(arena: Arena, verb: str, ready: Path) -> dict[str, Any]:
     with calls.open("wb", buffering=0) as file:
 
         def count() -> None:
-            children.at_change(0, lambda name: file.write(b"c") and None, on=True)
-            children.at_read(0, lambda name: file.write(b"r") and None, on=True)
+            children.at_change(0, partial(_noted, file, b"c"), on=True)
+            children.at_read(0, partial(_noted, file, b"r"), on=True)
 
         began = time.monotonic()
         code, said = once.ended(count)
@@ -94,6 +96,10 @@ def _once(arena: Arena, verb: str, ready: Path) -> dict[str, Any]:
     counts = {"changes": made.count(b"c"), "reads": made.count(b"r")}
     answer = said if verb in subjects.READING else ""
     return {"words": words, "means": _means(once.folder), "seconds": seconds, "answer": answer, **counts}
+
+
+def _noted(file: RawIOBase, letter: bytes, _: str) -> None:
+    file.write(letter)
 
 
 def _means(folder: Path) -> dict[str, list[str]]:

@@ -1,5 +1,5 @@
-"""A folder by a name that every library takes: DuckDB reads `?`, `*`, `[` and backslashes in a path as something else,
-and neither it nor Arrow knows names that are no UTF-8."""
+"""A folder by a name that every library takes: DuckDB reads `?`, `*`, `[`, `"` and backslashes in a path as something
+else, and neither it nor Arrow knows names that are no UTF-8."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import shutil
 import tempfile
 from pathlib import Path
 
-MISREAD = re.compile(r"[?*\[\]{}\\\ud800-\udfff]")
+MISREAD = re.compile(r'[?*\[\]{}\\"\ud800-\udfff]')
 
 
 def is_misread(folder: Path) -> bool:

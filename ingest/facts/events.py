@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, dataclass_transform
+from typing import Annotated, Any, ClassVar, dataclass_transform
 
+Json = dict[str, Any]
+OfModel = dict[str, dict[str, str] | str]  # model -> bench file -> its version
 COUNTS = ("decoded", "unknown_id", "wrong_length", "rejected")  # what becomes of a record
 
 
@@ -249,9 +251,9 @@ class DiagnosisCompleted(Event):
     """`diagnosis-<id>`: a diagnosis is sealed. `artefact`: SHA-256 of its document (JSON, `whyhot.diagnosis/1`)."""
 
     diagnosis: str  # = hash of `key`
-    key: dict[str, Any]
+    key: Annotated[Json, {"train": list[str], "kept": list[str], "benches": list[str], "model": str, "code": str}]
     artefact: str
-    summary: dict[str, Any]
+    summary: Annotated[Json, {"motor": str, "causes": list[str], "benches": Annotated[Json, {"of_model": OfModel}]}]
 
 
 class CauseAccepted(Event):

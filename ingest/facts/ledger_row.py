@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import version
 from types import UnionType
-from typing import Any, ClassVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, ClassVar, get_args, get_origin, get_type_hints
 
 from eventsourcing.persistence import StoredEvent
 
@@ -143,13 +143,18 @@ def _fits(values: Any, kind: type) -> bool:
 @cache
 def _fields(kind: type) -> dict[str, Callable[[Any], bool]]:
     """Name of each field of a dataclass -> whether a value is of its type."""
-    return {name: _is_of(hint) for name, hint in get_type_hints(kind).items() if get_origin(hint) is not ClassVar}
+    hints = get_type_hints(kind, include_extras=True)
+    return {name: _is_of(hint) for name, hint in hints.items() if get_origin(hint) is not ClassVar}
 
 
 def _is_of(hint: Any) -> Callable[[Any], bool]:
     """Whether a JSON value is of an annotated type: str, int (64 bits), float, bool, X | None, list[X], dict[str, X],
-    Any. Made once a field, as a large ledger holds a million values."""
+    Any; of a dict that is `Annotated` with the types of some keys, of these where they are there. Made once a field, as
+    a large ledger holds a million values."""
     match get_origin(hint), get_args(hint):
+        case (origin, (whole, inside)) if origin is Annotated:
+            fits, keys = _is_of(whole), {name: _is_of(one) for name, one in inside.items()}
+            return lambda value: fits(value) and all(keys[name](value[name]) for name in keys.keys() & value.keys())
         case (origin, kinds) if origin is UnionType:
             ways = [_is_of(one) for one in kinds]
             return lambda value: any(way(value) for way in ways)

@@ -36,6 +36,7 @@ def run(args: argparse.Namespace) -> Answer:
         known = facts.at(store.ledger, args.as_of)
         session = known.session(args.session)
         target = args.out or Path(f"{session.name}.{args.to}")
+        about = provenance(store, to=args.to, excel=args.excel)  # while there is no file that it could fail beside
         done = export(store, known, session, args.to, target, args.excel)
         data = {
             "schema": "whyhot.export/1",
@@ -44,7 +45,7 @@ def run(args: argparse.Namespace) -> Answer:
             "rows": done.rows,
             "left_out": list(done.unnamed),
             "columns": [{"name": one.name, "unit": one.unit, "place": one.place} for one in done.columns],
-            "provenance": provenance(store, to=args.to, excel=args.excel),
+            "provenance": about,
         }
     says = f"{target}   {session.name}: {done.rows:,} rows, {len(done.columns)} channels"
     notes = [] if done.absolute else [f"session {session.name}: has no date: times count from its logger's start."]

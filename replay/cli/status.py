@@ -34,6 +34,6 @@ def status(folder: Path) -> str | None:
     ]
     if known.diagnoses:
         last = list(known.diagnoses.values())[-1]
-        found = ", ".join(last.summary["causes"]) or "no cause named"
-        lines.append(f"last diagnosis: d-{last.diagnosis[:8]} of {last.summary['motor']}: {found}")
+        found = ", ".join(last.summary.get("causes", ())) or "no cause named"
+        lines.append(f"last diagnosis: d-{last.diagnosis[:8]} of {last.summary.get('motor', 'a motor')}: {found}")
     return "\n".join([*lines, f"next: {command} · whyhot --help"])

@@ -72,7 +72,7 @@ def _replays(
     """Key of MODELS -> the session's last replay with that model, in their order; and the diagnosis that made them."""
     runs = {event.model: event for event in facts.runs_of(session)}
     for completed in reversed(list(facts.diagnoses.values())):
-        if session.session in (*completed.key["train"], *completed.key["kept"]):
+        if session.session in (*completed.key.get("train", ()), *completed.key.get("kept", ())):
             found = sealed_diagnosis(store, completed)
             if found.model in runs:
                 models = zip(MODELS, _models(found), strict=True)

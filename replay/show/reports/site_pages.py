@@ -56,7 +56,8 @@ def _pages(store: Store, facts: Facts) -> Iterator[tuple[str, PageWanted]]:
             write = partial(_replay, store, facts, last)
             yield session_path(session.session), PageWanted(_key(last.run, session.name, session.kind), write)
     for event in facts.diagnoses.values():
-        runs = [run.run for run in facts.runs.values() if run.session in (*event.key["train"], *event.key["kept"])]
+        asked = {*event.key.get("train", ()), *event.key.get("kept", ())}
+        runs = [run.run for run in facts.runs.values() if run.session in asked]
         write = partial(_diagnosis, store, facts, event)
         yield diagnosis_path(event.diagnosis), PageWanted(_key(event.diagnosis, *runs), write)
     for assessed in list(facts.assessments.values())[-1:]:

@@ -18,12 +18,12 @@ from ingest.errors import DamageError, IngestError, LedgerError
 from ingest.facts import ledger as ledger_module
 from ingest.facts import ledger_lock
 from ingest.facts.chain import Head, canonical
-from ingest.facts.events import EVENTS, Event, LedgerSealed, RawFileSealed, SessionRecorded
+from ingest.facts.events import EVENTS, DiagnosisCompleted, Event, LedgerSealed, RawFileSealed, SessionRecorded
 from ingest.facts.ledger import Ledger
 from ingest.facts.ledger_audit import audit
 from ingest.facts.ledger_lock import has_wal_reset_bug
 from ingest.facts.ledger_place import SqliteFile
-from ingest.facts.ledger_row import Recorded
+from ingest.facts.ledger_row import Recorded, _fits
 from made.events import decode, raw, session
 from made.forged import change, forge, resealed, rewrite, stored
 
@@ -515,6 +515,14 @@ def test_a_topic_that_is_not_ours_is_found_and_never_imported(written: Path, tmp
     with closing(Ledger(written)) as ledger, pytest.raises(DamageError, match="antigravity:fly"):
         ledger.events()
     assert "antigravity" not in sys.modules
+
+
+def test_parts_of_a_forged_event_that_others_read_are_of_their_type() -> None:
+    done = {"diagnosis": "d", "key": {"train": ["s"], "code": "c", "new": 1}, "artefact": "a"}
+    made = {"of_model": {"m": {"b": "b2"}, "m2": "b3"}, "parent": "b"}
+    for inside, fits in (({"benches": made}, True), ({"benches": -0.5}, False), ({"benches": {"of_model": []}}, False)):
+        assert _fits(done | {"summary": {"motor": "m", "causes": []} | inside}, DiagnosisCompleted) is fits
+    assert not _fits(done | {"summary": {}, "key": {"train": "s"}}, DiagnosisCompleted)
 
 
 @pytest.mark.parametrize("edit", [{"v": 2}, {"body": {"strange": 1}}])
