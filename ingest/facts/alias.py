@@ -21,7 +21,7 @@ def is_misread(folder: Path) -> bool:
 def reachable(folder: Path) -> Path:
     """`folder`, or a link to it that lasts as long as this process. Raises OSError where none can be made."""
     if not is_misread(folder):
-        return folder
+        return folder.absolute() if str(folder).startswith("~") else folder  # Arrow takes it for a home
     place = Path(tempfile.mkdtemp(prefix="whyhot-"))
     atexit.register(shutil.rmtree, place, ignore_errors=True)
     link = place / "store"

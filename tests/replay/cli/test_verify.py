@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from ingest.facts import facts, store_check
+from ingest.facts.alias import reachable
 from ingest.facts.store import Store
 from made import can_bench
 from made.places import on_disk
@@ -279,6 +280,7 @@ def test_a_store_works_under_any_path(bench: Path, capsys: Capture, name: str) -
     ):
         assert main([*words, *store]) == 0, (words, capsys.readouterr().err)
     assert [path.name for path in Path("odd").iterdir()] == [name]
+    assert reachable(Path("~")) == Path.cwd() / "~"  # and Arrow begins at a home there
 
 
 def test_a_damaged_backup_is_mended_from_its_store(bench: Path, capsys: Capture) -> None:
