@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
@@ -343,19 +342,6 @@ def test_once_accepted_a_kept_session_replays_with_the_extended_model_and_better
     assert extended["model"] == answer["extended_model"]
     assert extended["mae_K"]["rotor_surface"] < 0.5 * published["mae_K"]["rotor_surface"]
     assert main(["verify", "--read", "--store", str(store)]) == 0
-
-
-def test_its_report_is_one_file_that_names_the_cause_and_loads_nothing(
-    store: Path, answer: Mapping[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    page = tmp_path / "diagnosis.html"
-    told = said(capsys, store, "report", f"d-{answer['diagnosis'][:8]}", "--out", str(page))
-    assert told["diagnosis"] == answer["diagnosis"]
-    html = page.read_text(encoding="utf-8")
-    assert EFFECT.cause in html
-    loaded = re.findall(r"""(?:src|href)\s*=\s*["']([^"']*)|url\(\s*["']?([^)"']*)|@import""", html)
-    assert all(a.startswith(("data:", "#")) or b.startswith(("data:", "#")) for a, b in loaded), loaded
-    assert "<svg" in html or "data:image" in html
 
 
 def test_the_store_is_intact_after_a_diagnosis(diagnosed: Path) -> None:

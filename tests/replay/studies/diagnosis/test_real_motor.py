@@ -4,6 +4,7 @@ named, each step has its files, and what three sessions cannot say is said."""
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +59,17 @@ def test_three_sessions_say_that_none_could_be_left_out(
     told = " ".join(capsys.readouterr().out.split())
     assert "the file's form is wrong; fewer than 4 sessions to learn from cannot be left out in turn" in told
     assert "1 conductance.stator-rotor.speed" in told
+
+
+def test_its_report_is_one_file_that_names_the_cause_and_loads_nothing(store: Path, answer: dict[str, Any]) -> None:
+    page = store.parent / "diagnosis.html"
+    assert main(["report", f"d-{answer['diagnosis'][:8]}", "--out", str(page), "--store", str(store)]) == 0
+    html = page.read_text(encoding="utf-8")
+    assert answer["causes"][0]["id"] in html
+    loaded = re.findall(r"""(?:src|href)\s*=\s*["']([^"']*)|url\(\s*["']?([^)"']*)|@import""", html)
+    assert loaded
+    assert all(a.startswith(("data:", "#")) or b.startswith(("data:", "#")) for a, b in loaded), loaded
+    assert "<svg" in html or "data:image" in html
 
 
 def test_what_is_wrong_of_the_stator_is_no_heat_of_the_rotor_behind_it(store: Path) -> None:
