@@ -9,10 +9,10 @@ that `[time] sheet` names, else the first with a table, hidden ones last; `setti
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from datetime import date, datetime, time, timedelta
-from itertools import islice
+from itertools import islice, zip_longest
 from typing import Any
 
 from ingest.errors import UnreadableLogError, not_installed
@@ -20,6 +20,7 @@ from ingest.formats import Rows, _csv_numbers, most_unpacked
 from ingest.formats._csv_dialect import SAMPLE_ROWS, holds_table
 from ingest.formats._csv_numbers import Numerals
 from ingest.formats._text import TextFile
+from ingest.formats._xlsx_sheets import Row, Workbook
 from ingest.formats.csv import CsvLog
 from ingest.texts.nearest import hint
 
@@ -27,28 +28,34 @@ TOGETHER = 2000  # rows that are handed on at once
 DAMAGE = Exception  # calamine's own, and what a damaged byte leads to beneath it
 
 
-@dataclass
+@dataclass(kw_only=True)
 class _SheetText(TextFile):
     """The rows of a sheet as lines, cells between tabs. Blank rows are blank lines: line 12 is row 12."""
 
-    sheet: Any = None
+    book: Workbook
+    sheet: str
     _numerals: Numerals = field(init=False)
     _stamped: tuple[bool, ...] = ()  # which columns hold dates with a time of day
     _dated: bool = False  # whether any does hold a date
 
     def __post_init__(self) -> None:
-        head = list(islice(self.sheet.iter_rows(), 2 * SAMPLE_ROWS))
-        self._stamped = tuple(any(isinstance(cell, datetime) for cell in column) for column in zip(*head, strict=True))
+        head = list(islice(self.book.rows(self.sheet), 2 * SAMPLE_ROWS))
+        self._stamped = tuple(any(isinstance(cell, datetime) for cell in column) for column in zip_longest(*head))
         self._dated = any(isinstance(cell, date) for row in head for cell in row)
         self._numerals = _csv_numbers.recognise((cell for row in head for cell in row if isinstance(cell, str)), ";")
 
     def _pieces(self) -> Iterator[bytes]:
-        rows = self.sheet.iter_rows()
-        while some := [self._line(row) for row in islice(rows, TOGETHER)]:
-            yield "".join(some).encode(errors="replace")
+        rows = self.book.rows(self.sheet)
+        try:
+            while some := [self._line(row) for row in islice(rows, TOGETHER)]:
+                yield "".join(some).encode(errors="replace")
+        except DAMAGE as error:
+            raise _damaged(self.path.name, error) from None
 
-    def _line(self, row: Sequence[Any]) -> str:
-        cells = [self._text(cell, stamped) for cell, stamped in zip(row, self._stamped, strict=True)]
+    def _line(self, row: Row) -> str:
+        """A row, as wide as the first ones at least."""
+        both = zip_longest(row, self._stamped, fillvalue="")
+        cells = [self._text(cell, bool(stamped)) for cell, stamped in both]
         return "\t".join(cells) + "\n" if any(cells) else "\n"
 
     def _text(self, cell: Any, stamped: bool) -> str:
@@ -77,7 +84,7 @@ class XlsxLog(CsvLog):
 
     line = "row"
     unsaid = ("encoding", "delimiter", "decimal", "gz")
-    _sheet: Any = None
+    _book: Workbook = field(init=False)
 
     def _place(self, line: int) -> str:
         """The row of the sheet: its cells are packed, and written elsewhere in the file."""
@@ -90,24 +97,19 @@ class XlsxLog(CsvLog):
         yield from super().batches()
 
     def _text(self) -> TextFile:
-        return _SheetText(self.path, sheet=self._sheet)
+        return _SheetText(path=self.path, book=self._book, sheet=self.settings["sheet"])
 
     def _open(self) -> None:
-        calamine = _library(self.path.name)
+        library = _library(self.path.name)
         _check_size(self)
-        filled, stated = list[str](), self.time.sheet
-        name, self._sheet = None, None
+        stated, name = self.time.sheet, None
         try:
-            book = calamine.load_workbook(str(self.path))
-            hidden = {one.name for one in book.sheets_metadata if one.visible != calamine.SheetVisibleEnum.Visible}
-            for one in sorted(book.sheet_names, key=hidden.__contains__):  # memory holds all cells of two at once
-                sheet = book.get_sheet_by_name(one)
-                if sheet.height:
-                    filled.append(one)
-                    if one == stated or (stated is None and name is None and self._is_table(sheet)):
-                        name, self._sheet = one, sheet
+            self._book = Workbook(self.path, library)
+            filled = [one for one in self._book.names if any(self._book.rows(one))]
+            if stated is None:
+                name = next((one for one in filled if self._is_table(one)), None)
         except DAMAGE as error:
-            raise _damaged(self, error) from None
+            raise _damaged(self.path.name, error) from None
         if stated is not None and stated not in filled:
             raise UnreadableLogError(
                 f'{self.path.name}: sheet = "{stated}" under [time] of the bench file is no sheet with cells.'
@@ -115,15 +117,14 @@ class XlsxLog(CsvLog):
             )
         if not filled:
             raise UnreadableLogError(f"{self.path.name}: no sheet of it holds a cell: nothing to read. Save it again.")
-        if name is None:
-            name, self._sheet = filled[0], book.get_sheet_by_name(filled[0])
-        self.settings["sheet"] = name
-        if others := [one for one in filled if one != name]:
+        self.settings["sheet"] = stated or name or filled[0]
+        if others := [one for one in filled if one != self.settings["sheet"]]:
             self.settings["other_sheets"] = others
 
-    def _is_table(self, sheet: Any) -> bool:
+    def _is_table(self, sheet: str) -> bool:
         """Whether a sheet begins with a header and rows that hold numbers."""
-        lines = next(_SheetText(self.path, sheet=sheet).blocks()).decode().split("\n")
+        text = _SheetText(path=self.path, book=self._book, sheet=sheet)
+        lines = next(text.blocks()).decode().split("\n")
         return holds_table([line for line in lines if line][: 2 * SAMPLE_ROWS])
 
 
@@ -138,17 +139,17 @@ def _check_size(log: XlsxLog) -> None:
         with zipfile.ZipFile(log.path) as packed:
             size = sum(one.file_size for one in packed.infolist())
     except (zipfile.BadZipFile, OSError, ValueError) as error:
-        raise _damaged(log, error) from None
+        raise _damaged(log.path.name, error) from None
     if size > limit:
         raise UnreadableLogError(
             f"{log.path.name}: unpacks to more than {limit:,} bytes: it is no workbook of a log. Export it as CSV."
         )
 
 
-def _damaged(log: XlsxLog, error: BaseException) -> UnreadableLogError:
+def _damaged(log: str, error: BaseException) -> UnreadableLogError:
     says = " ".join(str(error).split())[:200]
     return UnreadableLogError(
-        f"{log.path.name}: is no whole workbook ({says}): nothing of it is used. Copy it again, or save it as CSV."
+        f"{log}: is no whole workbook ({says}): nothing of it is used. Copy it again, or save it as CSV."
     )
 
 
