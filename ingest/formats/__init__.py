@@ -245,6 +245,7 @@ FORMATS: tuple[Format, ...] = (
     Format("gvret", "frames", (), b"", "ingest.formats.gvret", rb"(?im)^time stamp,id,extended,"),
     Format("can_csv", "frames", (), b"", "ingest.formats.can_csv", rb"(?m)^timestamp,arbitration_id,extended,remote"),
     Format("css_csv", "frames", (), b"", "ingest.formats.css_csv", rb"\ATimestampEpoch.BusChannel.ID.IDE.DLC"),
+    Format("twincat", "rows", (), b"", "ingest.formats.twincat", rb'\AName.*\n(?:File.*\n)?"?Starttime of export'),
     Format("mf4", "frames", (".mf4",), b"MDF     4", "ingest.formats.mf4", rb"\AUnFinMF 4", claims=True),
     Format("mdf", "rows", (".mf4", ".mdf"), b"MDF     ", "ingest.formats.mdf", rb"\AUnFinMF "),
     Format("can_db", "frames", (".db",), b"SQLite format 3\0", "ingest.formats.can_db"),

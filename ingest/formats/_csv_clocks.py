@@ -18,6 +18,7 @@ Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 UNITS_NS = {"ns": 1.0, "us": 1e3, "µs": 1e3, "μs": 1e3, "ms": 1e6, "s": 1e9, "sec": 1e9, "min": 60e9, "h": 3600e9}
+UNITS_NS |= {"second": 1e9, "seconds": 1e9, "sekunden": 1e9}
 WRAP = 2**32  # what a counter of 32 bits begins anew at: of milliseconds after 50 days, of microseconds after 72 min
 DAY_S, HALF_DAY_S = 86_400.0, 43_200.0
 SHOWN = 64  # characters of a cell that is no time
@@ -166,7 +167,7 @@ class Stamped(Clock):
 
     pattern: str
     local: LocalClock
-    millis: bool = False  # the last of the columns holds the milliseconds of the stamp before it
+    digits: int = 0  # of the part of the second that the last of the columns holds: 3 where it is milliseconds
     sparse_dates: bool = False  # the first of them holds a date where it is another one, as ALMEMO writes it
     is_text: bool = field(default=True, init=False)
     _day: str = field(default="", init=False)  # the date that was said last
@@ -175,10 +176,11 @@ class Stamped(Clock):
         if self.sparse_dates and len(columns[0]):
             days = carried(columns[0].tolist(), self._day)
             self._day, columns = days[-1], [np.array(days, object), *columns[1:]]
-        stamps = super().cells(columns[: len(columns) - self.millis])
-        if not self.millis:
+        stamps = super().cells(columns[: len(columns) - (self.digits > 0)])
+        if not self.digits:
             return stamps
-        return np.array([f"{one}.{ms.strip():0>3}" for one, ms in zip(stamps, columns[-1], strict=True)], object)
+        both = zip(stamps, columns[-1], strict=True)
+        return np.array([f"{one}.{part.strip():0>{self.digits}}" for one, part in both], object)
 
     def t_ns(self, cells: NDArray[Any], record: Ints) -> tuple[Ints, Flags]:
         return parse(cells, self.pattern, self.local)

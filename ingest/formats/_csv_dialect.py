@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from ingest.errors import UnreadableLogError
 from ingest.formats import _csv_numbers
 from ingest.formats._csv_numbers import MISSING, Numerals
-from ingest.formats._csv_stamps import is_stamp
+from ingest.formats._csv_stamps import KNOWN, is_stamp
 from ingest.texts.names import each_once
 from ingest.texts.units import normal_unit
 
@@ -25,6 +25,7 @@ SAMPLE_BODY = 40  # rows that tell which columns hold values
 CODE = re.compile(r"0\d+", re.ASCII)  # 0417 is the name of something, no number
 EITHER = (Numerals("."), Numerals(","))
 UNIT_IN_NAME = re.compile(r"\[((?!0|[2-9]|1\d|OLE2)[^\[\]]*)\]\s*$")  # not the place in Y[0], nor a kind of stamps
+ONE_CELL = re.compile(r'"(?:[^"]|"")*"\r?')  # a line in quotes
 UNIT_WORDS = ("unit", "units", "einheit", "einheiten", "unità")  # that head a line of units above the names
 
 
@@ -59,7 +60,7 @@ def cells(line: str, delimiter: str) -> list[str]:
     if '"' not in line:
         return line.split(delimiter)
     try:
-        return next(csv.reader([line], delimiter=delimiter), [])
+        return next(csv.reader([line], delimiter=delimiter, skipinitialspace=delimiter != "\t"), [])
     except csv.Error:
         return []
 
@@ -83,6 +84,11 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
         raise UnreadableLogError(f"{log}: holds no line with text: nothing to read. Copy the file again.")
     if len(lines) == 1:
         raise UnreadableLogError(f"{log}: holds one line and no row below it: nothing to read. Export the table again.")
+    if all(map(ONE_CELL.fullmatch, lines)) and re.search("[,;\t]", lines[-1]):
+        raise UnreadableLogError(
+            f"{log}: each line stands in quotes as one cell, as a spreadsheet writes what was not split into columns. "
+            "Split its first column there (Data, Text to Columns) and save it again."
+        )
     delimiter, above = _layout(lines)
     if delimiter == "|" and any(line.strip("|-: ") == "" for line in lines):
         raise UnreadableLogError(f"{log}: is a page with a table in Markdown, no log. Export the table as CSV.")
@@ -95,7 +101,7 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
     fitting = [tuple(cell.strip() for cell in row) for row in rows if len(row) == len(header)]
     numerals = _csv_numbers.recognise((cell for row in fitting for cell in row), delimiter)
     names, renamed = unique(header)
-    units = _units_above(lines[:above], names, delimiter)
+    units = _units_of_settings(lines[:above], names, delimiter) | _units_above(lines[:above], names, delimiter)
     has_units = _is_units_row(fitting, numerals)
     units |= {name: match[1] for name, text in zip(names, header, strict=True) if (match := UNIT_IN_NAME.search(text))}
     if has_units:
@@ -128,6 +134,16 @@ def _units_above(lines: Sequence[str], names: Sequence[str], delimiter: str) -> 
     rows = ([cell.strip() for cell in cells(line, delimiter)] for line in lines)
     said = (row for row in rows if len(row) == len(names) and _heads_units(row))
     return {name: _bare(cell) for name, cell in zip(names[1:], next(said, [""])[1:], strict=False) if cell}
+
+
+def _units_of_settings(lines: Sequence[str], names: Sequence[str], delimiter: str) -> dict[str, str]:
+    """The units that a table of settings above the names says, a line for each name, as Graphtec writes it."""
+    units, place = dict[str, str](), 0
+    for row in ([cell.strip() for cell in cells(line, delimiter)] for line in lines):
+        place = next((i for i, cell in enumerate(row) if i and cell.casefold() in UNIT_WORDS), place)
+        if place and len(row) > place and row[0] in names and (unit := row[place]):
+            units[row[0]] = _bare(unit)
+    return units
 
 
 def _heads_units(row: Sequence[str]) -> bool:
@@ -217,6 +233,11 @@ def _check_header(header: Sequence[str], rows: Sequence[Sequence[str]], delimite
     if any(header) and all(any(one.is_number(cell) for one in EITHER) for cell in header if cell):
         raise UnreadableLogError(
             f"{log}: line 1 holds numbers where the names of the columns should be. Put a line of names above them."
+        )
+    if stamp := next((cell for cell in header if any(re.match(one, cell) for one in KNOWN.values())), None):
+        raise UnreadableLogError(
+            f'{log}: line 1 holds a time ("{stamp[:40]}") where the names of the columns should be. Put a line of '
+            "names above it."
         )
     if 2 * sum(len(row) == len(header) for row in rows) >= len(rows):
         return

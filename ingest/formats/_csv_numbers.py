@@ -23,6 +23,7 @@ MISSING = frozenset(
         *BROKEN,
         *(sign + word for word in OVER_RANGE for sign in ("", "+", "-")),
         *(sign * count for sign in "-+*?#" for count in range(1, 13)),
+        *("-" * before + "." + "-" * behind for before in range(1, 5) for behind in range(1, 5)),
     )
 )
 NO_READING = 9.9e37  # from here on no reading: 9.9E37 and 9.91E37 of SCPI-1999 (volume 1, 7.2.1), 9999E+99 of others

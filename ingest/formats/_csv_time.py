@@ -52,6 +52,7 @@ from ingest.texts.nearest import hint
 TIME_NAMES = frozenset(
     ("time", "times", "timestamp", "tstamp", "timestring", "timestampepoch", "epoch", "unixtime", "datetime", "elapsed")
 ) | frozenset(("elapsedtime", "ts", "zeit", "zeitstempel", "datumzeit", "uhrzeit", "tempo", "dataora", "dataeora"))
+X_NAMES = frozenset(("x", "xaxis", "xachse", "xvalue", "xvalues", "xwert", "xwerte"))
 COUNTERS = {"millis": ("time", "ms"), "micros": ("time", "us")}  # as small controllers call their clocks
 RATED = re.compile(  # what a line above a table says of its rows
     r"(?i)(?P<name>(?:[a-z]+[ _-]*)?(?:rate|freq|frequency|frequenz|interval|intervall|period)|sampl[a-z]*[ _-]?time"
@@ -59,7 +60,8 @@ RATED = re.compile(  # what a line above a table says of its rows
 )
 PER_S = {"hz": 1.0, "khz": 1e3}
 DATE_WORDS = frozenset(("date", "datetime", "datum", "data"))
-MILLIS_NAMES = frozenset(("ms", "msec", "millisecond", "milliseconds", "millisekunde", "millisekunden"))
+PARTS_OF_SECOND = dict.fromkeys(("ms", "msec", "millisecond", "milliseconds", "millisekunde", "millisekunden"), 3)
+PARTS_OF_SECOND |= dict.fromkeys(("us", "µs", "μs", "usec", "microsecond", "microseconds", "mikrosekunden"), 6)
 SERIAL_D, SERIAL_NS = (36526.0, 73050.0), utc_ns(EPOCH.replace(year=1899, month=12, day=30))  # days of 2000 to 2099
 SERIAL_STEP_D = 1e-3  # numbers so large that go on by less are no seconds: a thousand rows in each
 EPOCH_NS = (1e18, 3.3e18)  # a column of numbers between these [ns] counts from 1970: years 2001 to 2074
@@ -104,6 +106,7 @@ def _stated(time: TimeSpec, column: str, dialect: Dialect, log: str) -> Clock:
 
 def _found(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
     named = [name for name in dialect.names if is_time_name(name)]
+    named = named or [name for name in dialect.names if is_x(name, dialect)]
     if time.format is not None:
         pattern = pattern_of(time.format, log)
         fitting = (name for name in (*named, *dialect.names) if _fits(pattern, dialect, name))
@@ -335,18 +338,25 @@ def _of_cells(
     if not pattern:
         return None
     clock = Stamped(says=says, absolute=True, columns=columns, pattern=pattern, local=LocalClock(time.local))
-    return _with_millis(clock, dialect)
+    return _with_part(clock, dialect)
 
 
-def _with_millis(clock: Stamped, dialect: Dialect) -> Stamped:
-    """The clock with the milliseconds that a column of its own holds, where its stamps are of whole seconds."""
-    column = next((name for name in dialect.names if name.casefold() in MILLIS_NAMES), None)
-    if column is None or not all(0 <= ms < 1000 and ms == int(ms) for ms in _numbers(dialect, column)):
+def _with_part(clock: Stamped, dialect: Dialect) -> Stamped:
+    """The clock with the part of the second that a column of its own holds, where its stamps say whole seconds."""
+    column = next((name for name in dialect.names if digits_of(name) and name not in clock.columns), None)
+    digits = digits_of(column or "")
+    if column is None or not all(0 <= part < 10**digits and part == int(part) for part in _numbers(dialect, column)):
         return clock
-    t_ns, bad = replace(clock, local=replace(clock.local)).t_ns(_time_cells(clock, dialect), NO_RECORD)
-    if (t_ns[~bad] % SECOND_NS).any():
+    said = [match for cell in _time_cells(clock, dialect) if (match := re.match(clock.pattern, cell))]
+    if not all({"S", "f"} <= match.groupdict().keys() and match["S"] and not match["f"] for match in said):
         return clock
-    return replace(clock, columns=(*clock.columns, column), millis=True)
+    return replace(clock, columns=(*clock.columns, column), digits=digits)
+
+
+def digits_of(name: str) -> int:
+    """Of the part of the second that a column with this name holds: 3 of `ms` and `Time(ms)`, 6 of `us`; else 0."""
+    base, unit = base_and_unit(name)
+    return PARTS_OF_SECOND.get((unit if base in TIME_NAMES and unit else name).casefold(), 0)
 
 
 def _is_day_first(said: list[str], columns: tuple[str, ...], dialect: Dialect) -> bool | None:
@@ -396,6 +406,14 @@ def is_time_name(name: str) -> bool:
     """Whether the name of a column says that it holds the time: `t` does, `T` alone is a temperature."""
     base = base_and_unit(name)[0]
     return base in TIME_NAMES or (base == "t" and name.startswith("t")) or CATMAN_TIME.match(name) is not None
+
+
+def is_x(name: str, dialect: Dialect, said: str | None = None) -> bool:
+    """Whether a column is the X of others, as oscilloscopes and FAMOS call their times: one with a unit of time. `said`
+    is what the header calls it."""
+    base, unit = base_and_unit(said or name)
+    last = base in X_NAMES or words(re.sub(r"\[.*", "", said or name))[-1:] == ["x"]
+    return last and (unit or dialect.units.get(name)) in UNITS_NS
 
 
 def is_date_name(name: str) -> bool:

@@ -108,6 +108,14 @@ class TextFile:
             ) from None
 
 
+def decoded(block: bytes) -> str:
+    """A block as text: UTF-8, or cp1252 where it is not UTF-8."""
+    try:
+        return block.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return block.decode("cp1252", errors="replace")
+
+
 def place_of(path: Path, line: int) -> str:
     """Where a line (from 1) of a text file stands: "line 7, byte 204", of a packed one "line 7, unpacked +204".
 

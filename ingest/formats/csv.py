@@ -68,7 +68,7 @@ class CsvLog(Log):
     _lines: int = 0  # that were read
     _left: int = 0  # lines below the header that are comments, or the header again
     _back: int = 0  # steps of time that go back
-    _last_ns: int | None = None
+    _last_ns: dict[str | None, int] = field(default_factory=dict)  # of each series
 
     def batches(self) -> Iterator[Rows]:
         """Rows in file order. Raises UnreadableLogError where the table, or its time, cannot be recognised."""
@@ -165,6 +165,8 @@ class CsvLog(Log):
         """Which columns hold numbers; those empty at first are looked at further down."""
         kinds = dict(enumerate(self._dialect.numeric))
         kinds |= {self._dialect.names.index(name): not self._clock.is_text for name in self._clock.columns}
+        unnamed = map(self._dialect.names.index, self._dialect.renamed.get("", ()))
+        kinds |= {place: False for place in unnamed if kinds[place] is None}  # a remark may stand there
         empty = {place for place, kind in kinds.items() if kind is None}
         for row in self._dialect.rows() if empty else ():
             for place in [place for place in empty if place < len(row) and row[place].strip() not in MISSING]:
@@ -206,12 +208,19 @@ class CsvLog(Log):
     def _end(self, lines: Sequence[str], odd: Sequence[int]) -> int:
         """Where the table ends, by its lines: where one of the `odd` ones is the header of another."""
         for place in odd if self._long is None else ():
-            if lines[place] not in self._heads and self._is_header(lines, place):
+            if self._has_other_units(lines, place) if lines[place] in self._heads else self._is_header(lines, place):
                 return place
         return len(lines)
 
     def _is_header(self, lines: Sequence[str], place: int) -> bool:
         return is_header(lines[place : place + BELOW], self._dialect.delimiter)
+
+    def _has_other_units(self, lines: Sequence[str], place: int) -> bool:
+        """Whether units other than those of the table stand below its header that comes again."""
+        below = lines[place + 1] if place + 1 < len(lines) else ""
+        row = [cell.strip() for cell in cells(below, self._dialect.delimiter)]
+        words = len(row) == len(self._dialect.names) and not any(map(is_value, row))
+        return self._dialect.units_row and words and below not in self._heads
 
     def _new_name(self, name: str, unit: str | None, text: bool) -> str:
         """The name of a column of another table: another one where it is no more of what was called so above."""
@@ -288,9 +297,12 @@ class CsvLog(Log):
             own, line, cells = record[here], part.line[here], series.times(table, part.line)[here]
             t_ns, wrong = series.clock.t_ns(cells, own)
             times = " + ".join(series.clock.columns)
-            for i in np.flatnonzero(wrong).tolist():
+            apart = series.apart(table, len(here))[here]
+            for i in np.flatnonzero(wrong | apart).tolist():
                 why = "no time" if str(cells[i]).strip() in MISSING else series.clock.why(str(cells[i]))
+                why = why if wrong[i] else f"another time in {' or '.join(series.again)}, which said the same at first"
                 refused.append((int(own[i]), int(line[i]), times, why))
+            wrong |= apart
             columns = {name: table[name][here][~wrong] for name in series.columns}
             rows = Rows(t_ns[~wrong], columns, own[~wrong], series.name or None)
             if len(self._series) > 1:
@@ -298,7 +310,7 @@ class CsvLog(Log):
             if self._long is not None:
                 yield from self._long.series(self.path.name, rows)
             elif len(rows.t_ns):
-                self._count_back(rows.t_ns)
+                self._count_back(rows)
                 yield rows
             record = record + here
 
@@ -322,11 +334,10 @@ class CsvLog(Log):
 
     # ---- time and end ----------------------------------------------------------------------------------------------
 
-    def _count_back(self, t_ns: NDArray[np.int64]) -> None:
-        if len(t_ns):
-            before = self._last_ns if self._last_ns is not None else int(t_ns[0])
-            self._back += int((np.diff(t_ns, prepend=before) < 0).sum())
-            self._last_ns = int(t_ns[-1])
+    def _count_back(self, rows: Rows) -> None:
+        before = self._last_ns.get(rows.series, int(rows.t_ns[0]))
+        self._back += int((np.diff(rows.t_ns, prepend=before) < 0).sum())
+        self._last_ns[rows.series] = int(rows.t_ns[-1])
 
     def _finish(self, text: TextFile) -> None:
         self.settings.update(gz=text.packed, backward_steps=self._back, **self._clock.counted())

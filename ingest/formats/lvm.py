@@ -1,8 +1,9 @@
 """LVM: LabVIEW measurement files, packed with gzip or not, read as the table that they hold.
 
 A file is a header, and segments of a header, a line of names and rows each. The time of a row is the date and time of
-its segment, a local wall clock, and what its X column, or X0 and Delta_X, add to it. Units are those of the channels. A
-segment of other channels than the first one's ends what is read. Described at
+its segment, a local wall clock, and what its X column, or X0 and Delta_X, add to it; a channel with an X column of its
+own has a date and time too. Units are those of the channels. A segment of other channels than the first one's ends what
+is read. Described at
 https://www.ni.com/en/support/documentation/supplemental/06/specification-for-the-labview-measurement-file---lvm-.html
 """
 
@@ -15,7 +16,7 @@ from datetime import datetime
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import EPOCH, TimeSpec, utc_ns
-from ingest.formats._text import TextFile
+from ingest.formats._text import TextFile, decoded
 from ingest.formats.csv import CsvLog
 
 TIME = "time [s]"
@@ -36,7 +37,7 @@ class _LvmText(TextFile):
     _names: list[str] = field(default_factory=list)
     _inside: str = "header"  # header, special, names or rows
     _separator: str = "\t"
-    _begun_ns: int = 0  # of the segment
+    _begun_ns: tuple[int, ...] = ()  # of the segment, for each column of X
     _step_s: tuple[float, float] | None = None  # X0 and Delta_X where there is no X column
     _row: int = 0  # of the segment
     _lines: int = 0
@@ -45,7 +46,7 @@ class _LvmText(TextFile):
         file = TextFile(self.path)
         for block in file.blocks():
             self.packed = file.packed
-            yield "\n".join(self._tables(_decoded(block).split("\n"))).encode(errors="replace")
+            yield "\n".join(self._tables(decoded(block).split("\n"))).encode(errors="replace")
             if self.ended:
                 return
         self.ended = file.ended
@@ -80,38 +81,38 @@ class _LvmText(TextFile):
         """The line of names, of the first segment; of others none."""
         names = [cell.replace('"', "'") for cell in cells]
         names = [*names[: names.index("Comment") if "Comment" in names else None], "Comment"]
-        self._begin_segment()
+        several = self._value("X_Columns").lower() == "multi"
+        names[1:-1:2] = [TIME] * len(names[1:-1:2]) if several else names[1:-1:2]
+        self._begin_segment(names.count(TIME) if several else 0)
         if self._names:
             if names != self._names:
                 self.ended = f"goes on with other channels at line {self._lines + 1:,}"
             return ""
         self._names = names
         units = zip(names, self._said.get("Y_Unit_Label", ()), strict=False)
-        self.units = {name: unit for name, unit in units if unit}
+        self.units = {name: unit for name, unit in units if unit and name != TIME}
         return "\t".join([TIME, *names])
 
-    def _begin_segment(self) -> None:
-        """What its header says of the time. Raises UnreadableLogError where X is none, or there are several."""
+    def _begin_segment(self, further: int) -> None:
+        """What its header says of the time, with so many `further` columns of X. Raises UnreadableLogError where X is
+        none."""
         columns, dimension = self._value("X_Columns").lower(), self._value("X_Dimension")
-        if columns == "multi":
-            raise UnreadableLogError(
-                f"{self.path.name}: has a column of times for each channel (X_Columns Multi). Write it with one."
-            )
         if dimension.lower() not in ("", "time", "zeit"):
             raise UnreadableLogError(
                 f"{self.path.name}: its X is {dimension} and not time: it is no log. Write the measured signals."
             )
         step = (_number(self._value("X0") or "0"), _number(self._value("Delta_X")))
         self._step_s = step if columns == "no" else None
-        self._inside, self._row, self._begun_ns = "rows", 0, self._date_ns() or 0
+        self._inside, self._row = "rows", 0
+        self._begun_ns = tuple(self._date_ns(2 * k) or 0 for k in range(1 + further))
 
-    def _value(self, tag: str) -> str:
-        return next(iter(self._said.get(tag, ())), "")
+    def _value(self, tag: str, place: int = 0) -> str:
+        return next(iter(self._said.get(tag, ())[place:]), "")
 
-    def _date_ns(self) -> int | None:
-        """Nanoseconds UTC of the segment's date and time; None where it has none."""
-        clock, _, fraction = self._value("Time").replace(",", ".").partition(".")
-        date = self._value("Date").replace("-", "/").replace(".", "/")
+    def _date_ns(self, place: int) -> int | None:
+        """Nanoseconds UTC of the date and time of the segment, or of one of its channels; None where it has none."""
+        clock, _, fraction = self._value("Time", place).replace(",", ".").partition(".")
+        date = self._value("Date", place).replace("-", "/").replace(".", "/")
         try:
             begun = self.time.wall_ns(datetime.strptime(f"{date} {clock}", "%Y/%m/%d %H:%M:%S"))
             return None if begun is None else begun + int(f"{fraction[:9]:0<9}")
@@ -127,16 +128,18 @@ class _LvmText(TextFile):
             cells[:channels] = [cell.replace(",", ".") for cell in cells[:channels]]
         if len(cells) >= channels:  # the comment, most often none
             cells[channels:] = [" ".join(cells[channels:]).strip()]
-        time, self._row = self._time(x), self._row + 1
+        for k, begun_ns in enumerate(self._begun_ns[1:], 1):
+            cells[2 * k - 1 : 2 * k] = [self._time(cell, begun_ns) for cell in cells[2 * k - 1 : 2 * k]]
+        time, self._row = self._time(x, self._begun_ns[0]), self._row + 1
         return "\t".join([time, *cells])
 
-    def _time(self, x: str) -> str:
-        """The time of a row in seconds; its cell where this is no number."""
+    def _time(self, x: str, begun_ns: int) -> str:
+        """The time in seconds of a cell of X; the cell where this is no number."""
         since_s = _number(x) if self._step_s is None else self._step_s[0] + self._row * self._step_s[1]
         if not abs(since_s) < LATEST_S:
             return x
         absolute = since_s > LEAST_ABSOLUTE_S and self._value("Time_Pref").lower() == "absolute"
-        t_ns = (SINCE_1904_NS if absolute else self._begun_ns) + round(since_s * SECOND_NS)
+        t_ns = (SINCE_1904_NS if absolute else begun_ns) + round(since_s * SECOND_NS)
         return f"{'-' if t_ns < 0 else ''}{abs(t_ns) // SECOND_NS}.{abs(t_ns) % SECOND_NS:09d}"
 
 
@@ -146,13 +149,6 @@ def _number(text: str) -> float:
         return float(text.replace(",", "."))
     except ValueError:
         return math.nan
-
-
-def _decoded(block: bytes) -> str:
-    try:
-        return block.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return block.decode("cp1252", errors="replace")
 
 
 @dataclass
@@ -173,8 +169,7 @@ class LvmLog(CsvLog):
     def _begin(self, lines: Sequence[str]) -> int:
         file = self._file
         begin = super()._begin(lines)
-        self.units.pop(TIME, None)
-        self.units |= file.units
+        self.units = {name: unit for name, unit in self.units.items() if not name.startswith(TIME)} | file.units
         return begin
 
 

@@ -103,6 +103,16 @@ def write_csv(path: Path, records: Sequence[Record]) -> None:
     path.write_text(f"epoch_s,{NAME}\n" + "".join(lines), encoding="utf-8")
 
 
+def write_twincat(path: Path, records: Sequence[Record]) -> None:
+    """Milliseconds since a start that Windows counts from 1601."""
+    ticks = stamp_ns(0) // 100 + 116_444_736_000_000_000
+    head = (
+        f"Name\tYT Scope Project\nFile\tC:\\night.csv\nStarttime of export\t{ticks}\nEndtime of export\t{ticks}\n\n\n"
+    )
+    rows = (f"{1000 * t_s:.3f}\t{value:.2f}\n" for t_s, value in records)
+    path.write_text(f"{head}Name\t{NAME}\nUnit\tdegC (Temperature)\n\n" + "".join(rows))
+
+
 def write_lvm(path: Path, records: Sequence[Record]) -> None:
     tags = {"Writer_Version": 2, "Separator": "Tab", "Decimal_Separator": ".", "Multi_Headings": "No"}
     tags |= {"X_Columns": "One", "Time_Pref": "Absolute", "Date": f"{utc(0):%Y/%m/%d}", "Time": f"{utc(0):%H:%M:%S}"}
@@ -222,6 +232,7 @@ WRITERS: dict[str, Callable[[Path, Sequence[Record]], None]] = {
     "arrow": write_arrow,
     "mcap": write_mcap,
     "lvm": write_lvm,
+    "twincat": write_twincat,
     "atfx": write_atfx,
     "xlsx": write_xlsx,
     "csv": write_csv,

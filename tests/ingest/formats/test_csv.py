@@ -233,8 +233,11 @@ def test_empty_and_repeated_names_are_made_unique_and_said(tmp_path: Path) -> No
 
 
 def test_a_delimiter_at_the_end_of_each_row_is_a_column_without_name(tmp_path: Path) -> None:
-    _, _, columns = read(table(tmp_path, "t;T\n0;20,5;\n1;21,5;\n"))
-    assert columns["T"] == [20.5, 21.5] and np.isnan(columns["column_3"]).all()
+    """In which a remark may stand further down."""
+    rows = "".join(f"{k};20,5;\n" for k in range(300))
+    log, _, columns = read(table(tmp_path, f"t;T\n{rows}300;21,5;stopped\n"))
+    assert (columns["T"][-1], columns["column_3"][0], columns["column_3"][-1]) == (21.5, "", "stopped")
+    assert not log.rejected
 
 
 def test_decimal_commas_between_commas_are_refused_with_what_to_do(tmp_path: Path) -> None:
@@ -251,6 +254,11 @@ def test_decimal_commas_between_commas_are_refused_with_what_to_do(tmp_path: Pat
     ("text", "says"),
     [
         ("0,20.5\n1,21.5\n", "log.csv: line 1 holds numbers where the names of the columns should be."),
+        (
+            "2025-03-14 08:00:00;T;20\n2025-03-14 08:00:01;T;21\n",
+            'log.csv: line 1 holds a time ("2025-03-14 08:00:00")',
+        ),
+        ('"t;T"\n"0;20,5"\n"1;21,5"\n', "log.csv: each line stands in quotes as one cell,"),
         ("t,T\n", "log.csv: holds one line and no row below it: nothing to read."),
         ("\n \n", "log.csv: holds no line with text: nothing to read."),
         ("t,T,n\n0,x\n1,20\n2,21\n", "log.csv: most rows hold 2 fields where line 1 holds 3: it is not their header."),

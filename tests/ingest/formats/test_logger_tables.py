@@ -130,6 +130,26 @@ LOGGED = {
     "Gantner": Logged(
         "Time[OLE2],T,n\n45730.3333333333,20.0,5\n45730.3333449074,21.0,6\n45730.3333564815,OPEN,7\n",
     ),
+    "Graphtec with settings of each channel": Logged(
+        "Vendor;GRAPHTEC Corporation\nAMP settings\nCH;Signal name;Range;Span;;Unit;Color\nT;T_w;50V;25;-25;degC;5\n"
+        "n;speed;50V;10;-10;rpm;3\nData\nNumber;Date;Time;us;T;n;Alarm\n1;14/03/2025;08:00:00;0;+20,0;+5;LLLL\n"
+        "2;14/03/2025;08:00:00;100000;+21,0;+6;LLLL\n3;14/03/2025;08:00:00;200000;+++++++;+7;LLLL\n",
+        units=("degC", "rpm"),
+        step_ns=TENTH,
+    ),
+    "Hioki power analyser": Logged(
+        "Date,Time,Time(ms),Etime,Etime(ms),T,n\n2025/03/14,08:00:00,0,00:00:00,0,20,5\n"
+        "2025/03/14,08:00:00,500,00:00:00,500,21,6\n2025/03/14,08:00:01,0,00:00:01,0,--.---,7\n",
+        step_ns=S_NS // 2,
+    ),
+    "names in quotes behind blanks": Logged(
+        '"Time [ms]", "T [degC]", "n [rpm]"\n0, 20.0, 5\n100, 21.0, 6\n200, , 7\n',
+        names=("T [degC]", "n [rpm]"),
+        units=("degC", "rpm"),
+        begins_ns=0,
+        step_ns=TENTH,
+    ),
+    "X in seconds": Logged("X;T;n\ns;°C;1/min\n0;20;5\n1;21;6\n2;;7\n", units=("°C", "1/min"), begins_ns=0),
     "-9999": Logged("time,T,n\n0,20.0,5\n1,21.0,6\n2,-9999,7\n", begins_ns=0),
     "INVALID": Logged("time,T,n\n0,20.0,5\n1,21.0,6\n2,INVALID,7\n", begins_ns=0),
     "header and units again": Logged(
@@ -201,11 +221,25 @@ def _stamp(second: int) -> str:
     return f"14.03.2025 08:00:0{second}"
 
 
-def test_columns_of_times_that_tell_the_same_are_one_series(tmp_path: Path) -> None:
+@pytest.mark.parametrize("head", ["x;T;x;n\ns;°C;s;rpm", "T_X;T;n_X;n\ns;°C;s;rpm", "X [s];T;X [s];n"])
+def test_each_channel_may_have_an_x_with_a_unit_of_time(tmp_path: Path, head: str) -> None:
     path = tmp_path / "log.csv"
-    path.write_text("Time;T;Time;n\n0;20;0;5\n1;21;1;6\n")
+    path.write_text(head + "\n0,0;20;0;5\n0,1;21;10;6\n0,2;22;;\n", encoding="utf-8")
+    _, t_ns, columns = read(path)
+    assert columns == {"T": [20, 21, 22], "n": [5, 6]}
+    assert sorted(t_ns) == [0, 0, TENTH, 2 * TENTH, 10 * S_NS]
+
+
+def test_columns_of_times_that_tell_the_same_are_one_series(tmp_path: Path) -> None:
+    """A row in which they do not, further down, has no time."""
+    path = tmp_path / "log.csv"
+    path.write_text("Time;T;Time;n\n" + "".join(f"{k};20;{k};5\n" for k in range(300)) + "300;21;9;6\n301;22;;\n")
     log, t_ns, columns = read(path)
-    assert (t_ns, columns["T"], columns["n"], "series" in log.settings) == ([0, S_NS], [20, 21], [5, 6], False)
+    assert (t_ns[-1], columns["T"][298:], list(columns)) == (301 * S_NS, [20, 20, 22], ["T", "n"])
+    assert "series" not in log.settings
+    assert [(one.where, one.why) for one in log.rejected] == [
+        ("line 302, column Time", "another time in Time_2, which said the same at first")
+    ]
 
 
 ONE = "Zeit;T\n14.03.2025 08:00:00;20,5\n14.03.2025 08:00:01;21,5\n\n"
@@ -218,6 +252,18 @@ def test_another_table_below_the_first_is_read_with_its_own_times(tmp_path: Path
     assert t_ns == [AT_NS, AT_NS + S_NS, AT_NS, AT_NS + 10 * S_NS]
     assert columns == {"T": [20.5, 21.5], "n": [5, 6], "T_2": ["abc", "def"]}  # a text is no more of that T
     assert (log.found, log.units, log.settings["further_tables"]) == (4, {"n": "rpm"}, ["line 5"])
+
+
+def test_a_header_that_comes_again_over_other_units_begins_another_table(tmp_path: Path) -> None:
+    """As Yokogawa's recorders write it where a range was changed."""
+    path = tmp_path / "log.csv"
+    path.write_text(
+        '"CH/TAG","T","U"\n"UNIT","degC","mV"\n2025/03/14 08:00:00,20,-14\n2025/03/14 08:00:01,21,-15\n'
+        '"CH/TAG","T","U"\n"UNIT","degC","V"\n2025/03/14 08:00:02,22,-0.014\n'
+    )
+    log, _, columns = read(path)
+    assert columns == {"T": [20, 21, 22], "U": [-14, -15], "U_2": [-0.014]}
+    assert (log.units["U"], log.units["U_2"], list(log.rejected)) == ("mV", "V", [])
 
 
 @pytest.mark.parametrize(

@@ -120,6 +120,17 @@ def test_a_segment_of_other_channels_ends_what_is_read_and_says_so(tmp_path: Pat
     assert log.cut and log.cut.startswith(f"goes on with other channels at line {line}: 1 rows were read and kept")
 
 
+def test_each_channel_may_have_a_column_of_times_and_a_start(tmp_path: Path) -> None:
+    tags = "Channels\t2\nDate\t2019/07/22\t\t2019/07/22\nTime\t17:18:18,25\t\t17:18:19,25\nY_Unit_Label\tdegC\t\trpm\n"
+    names = f"{END}\nX_Value\tT_w\tX_Value\tn\tComment\n"
+    text = header("Multi", multi="Yes") + tags + names + "0,0\t20,5\t0,0\t5\n0,5\t21,5\t2,0\t6\n1,0\t22,5\t\t\n"
+    log, t_ns, columns = read(lvm(tmp_path, text))
+    begun = JULY_NS + S_NS // 4
+    assert sorted(t - begun for t in t_ns) == [0, S_NS // 2, S_NS, S_NS, 3 * S_NS]
+    assert (columns["T_w"], columns["n"], log.units) == ([20.5, 21.5, 22.5], [5, 6], {"T_w": "degC", "n": "rpm"})
+    assert not log.rejected
+
+
 def test_separators_may_be_commas(tmp_path: Path) -> None:
     text = header(separator="Comma") + segment("0\t1.5\t2\n1\t2.5\t2\n").replace("\t", ",")
     _, t_ns, columns = read(lvm(tmp_path, text.replace("LabVIEW Measurement\t", "LabVIEW Measurement,")))
@@ -129,10 +140,6 @@ def test_separators_may_be_commas(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        (
-            header("Multi") + segment("0\t1\t0\t2\n"),
-            "has a column of times for each channel (X_Columns Multi).",
-        ),
         (header() + segment("0\t1\t2\n", dimension="Frequency"), "its X is Frequency and not time: it is no log."),
         (header(), "holds no line with text: nothing to read."),
         (header() + segment(""), "holds one line and no row below it: nothing to read."),
