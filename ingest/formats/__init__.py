@@ -303,7 +303,7 @@ def _claimed(entry: Format, path: Path) -> bool:
 def is_text(head: bytes) -> bool:
     """Whether the first bytes of a file are those of a text: at most one in a hundred is none, lost sectors apart."""
     sectors = (head[at : at + len(SECTOR)] for at in range(0, len(head), len(SECTOR)))
-    kept = b"".join(sector for sector in sectors if sector != SECTOR)
+    kept = b"".join(sector for sector in sectors if sector != SECTOR).strip(b"\0")
     return 100 * len(kept.translate(None, delete=CONTROLS)) >= 99 * len(kept) > 0
 
 

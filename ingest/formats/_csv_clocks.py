@@ -64,17 +64,18 @@ class Rate(Clock):
 
 @dataclass(kw_only=True)
 class Counted(Clock):
-    """Numbers of a unit, counted from the origin. `step_ns`: what they are rounded to. A counter of 32 bits that begins
-    anew goes on."""
+    """Numbers of a unit; `zero` of them is the origin. `step_ns`: what they are rounded to. A counter of 32 bits that
+    begins anew goes on."""
 
     unit_ns: float
+    zero: float = 0.0
     origin_ns: int = 0
     step_ns: int = 1
     _wraps: int = field(default=0, init=False)
     _last: float = field(default=np.nan, init=False)
 
     def t_ns(self, cells: NDArray[Any], record: Ints) -> tuple[Ints, Flags]:
-        steps = self._unwrapped(cells) * (self.unit_ns / self.step_ns)
+        steps = (self._unwrapped(cells) - self.zero) * (self.unit_ns / self.step_ns)
         bad = ~(np.abs(steps) < (LATEST_NS - self.origin_ns) / self.step_ns)
         return self.origin_ns + np.rint(np.where(bad, 0.0, steps)).astype(np.int64) * self.step_ns, bad
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from ingest.errors import UnreadableLogError
 from ingest.formats import _csv_numbers
 from ingest.formats._csv_numbers import MISSING, Numerals
-from ingest.formats._csv_stamps import KNOWN, is_stamp
+from ingest.formats._csv_stamps import is_stamp
 from ingest.texts.names import each_once
 from ingest.texts.units import normal_unit
 
@@ -26,6 +26,8 @@ CODE = re.compile(r"0\d+", re.ASCII)  # 0417 is the name of something, no number
 EITHER = (Numerals("."), Numerals(","))
 UNIT_IN_NAME = re.compile(r"\[((?!0|[2-9]|1\d|OLE2)[^\[\]]*)\]\s*$")  # not the place in Y[0], nor a kind of stamps
 ONE_CELL = re.compile(r'"(?:[^"]|"")*"\r?')  # a line in quotes
+STAMPED = re.compile(r"\d:\d\d|\d[-/.]\d+[-/.]\d")  # as no name of a column is, of the cells that may be stamps
+NAME_AND_UNIT = re.compile(r"\w.*[\[(].*[\])]$")  # so that a line of them holds names
 UNIT_WORDS = ("unit", "units", "einheit", "einheiten", "unità")  # that head a line of units above the names
 
 
@@ -90,6 +92,9 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
             "Split its first column there (Data, Text to Columns) and save it again."
         )
     delimiter, above = _layout(lines)
+    if delimiter == BLANKS:  # where a sign of a comment would be a name of its own
+        lines = [line.lstrip("#%") if line[:1] in ("#", "%") else line for line in lines]
+        delimiter, above = _layout(lines)
     if delimiter == "|" and any(line.strip("|-: ") == "" for line in lines):
         raise UnreadableLogError(f"{log}: is a page with a table in Markdown, no log. Export the table as CSV.")
     header = _merged([cell.strip() for cell in cells(lines[above], delimiter)], lines[above - 1 : above], delimiter)
@@ -194,7 +199,8 @@ def _above_header(lines: Sequence[str], delimiter: str) -> int:
     units = next((place for place in together[1:] if _is_units(of_values[place])), None)
     if units is not None:
         return units - 1
-    return 0 if not together or together[0] == 0 else together[-1]
+    two = len(together) > 1 and any(NAME_AND_UNIT.search(cell) for cell in table[together[-1]])
+    return 0 if not together or (together[0] == 0 and not two) else together[-1]
 
 
 def _holds_values(column: Sequence[str]) -> bool:
@@ -234,7 +240,7 @@ def _check_header(header: Sequence[str], rows: Sequence[Sequence[str]], delimite
         raise UnreadableLogError(
             f"{log}: line 1 holds numbers where the names of the columns should be. Put a line of names above them."
         )
-    if stamp := next((cell for cell in header if any(re.match(one, cell) for one in KNOWN.values())), None):
+    if stamp := next((cell for cell in header if STAMPED.search(cell) and is_stamp(cell)), None):
         raise UnreadableLogError(
             f'{log}: line 1 holds a time ("{stamp[:40]}") where the names of the columns should be. Put a line of '
             "names above it."

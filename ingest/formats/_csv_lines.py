@@ -58,7 +58,8 @@ class LineReader:
     def _together(self, lines: list[str]) -> tuple[NDArray[Any], ...] | None:
         """The columns of `lines`; None where one of them is no row as it should be."""
         names, numerals = [str(place) for place in range(len(self.numeric))], self.dialect.numerals
-        number = pa.string() if numerals.group else pa.float64()
+        as_text = bool(numerals.group) or numerals.decimal == self.dialect.delimiter
+        number = pa.string() if as_text else pa.float64()
         kinds = dict(zip(names, (number if kind else pa.string() for kind in self.numeric), strict=True))
         try:
             if self.dialect.delimiter == BLANKS:
@@ -74,15 +75,14 @@ class LineReader:
                     column_types=kinds,
                     null_values=sorted(MISSING),
                     strings_can_be_null=False,
-                    decimal_point=numerals.decimal,
+                    decimal_point="." if as_text else numerals.decimal,
                 ),
             )
         except (pa.ArrowInvalid, UnicodeError):
             return None
         columns: list[NDArray[Any]] = []
         for name, kind in zip(names, self.numeric, strict=True):
-            grouped = bool(kind and numerals.group)
-            values = numerals.values(table[name].combine_chunks()) if grouped else table[name].to_numpy()
+            values = numerals.values(table[name].combine_chunks()) if kind and as_text else table[name].to_numpy()
             if values is None or (kind and np.isinf(values).any()):
                 return None
             columns.append(numerals.read(values) if kind else values)

@@ -32,6 +32,7 @@ LOWEST = -1000.0  # of what else a column holds, for that
 BLANKS = " \u00a0\u202f"  # that stand between thousands: plain, no-break, narrow no-break
 APOSTROPHES = "'’"
 OTHER = {".": ",", ",": "."}
+QUOTED_DECIMAL = re.compile(r"[+-]?[0-9]+,(?:[0-9]{1,2}|[0-9]{4,})|[+-]?0,[0-9]+")
 EXPONENT = r"(?:[eE][+-]?[0-9]+)?"
 
 
@@ -127,10 +128,11 @@ class Numerals:
 
 
 def recognise(cells: Iterable[str], delimiter: str) -> Numerals:
-    """From the cells of the first rows. Where commas stand between the columns, the decimal sign is the point."""
+    """From the cells of the first rows. Where commas stand between the columns, the decimal sign is the point, unless
+    cells in quotes hold commas that stand between no thousands."""
     found = list(cells)
     point, comma = Numerals("."), Numerals(",")
-    if delimiter != ",":
+    if delimiter != "," or any(QUOTED_DECIMAL.fullmatch(cell) for cell in found):
         commas, points = (
             sum(
                 numerals.shows_groups(cell) is not None or (numerals.decimal in cell and numerals.is_number(cell))

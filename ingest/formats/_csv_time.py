@@ -51,7 +51,21 @@ from ingest.texts.nearest import hint
 
 TIME_NAMES = frozenset(
     ("time", "times", "timestamp", "tstamp", "timestring", "timestampepoch", "epoch", "unixtime", "datetime", "elapsed")
-) | frozenset(("elapsedtime", "ts", "zeit", "zeitstempel", "datumzeit", "uhrzeit", "tempo", "dataora", "dataeora"))
+) | frozenset(
+    (
+        "elapsedtime",
+        "ts",
+        "ticks",
+        "filetime",
+        "zeit",
+        "zeitstempel",
+        "datumzeit",
+        "uhrzeit",
+        "tempo",
+        "dataora",
+        "dataeora",
+    )
+)
 X_NAMES = frozenset(("x", "xaxis", "xachse", "xvalue", "xvalues", "xwert", "xwerte"))
 COUNTERS = {"millis": ("time", "ms"), "micros": ("time", "us")}  # as small controllers call their clocks
 RATED = re.compile(  # what a line above a table says of its rows
@@ -66,6 +80,10 @@ SERIAL_D, SERIAL_NS = (36526.0, 73050.0), utc_ns(EPOCH.replace(year=1899, month=
 SERIAL_STEP_D = 1e-3  # numbers so large that go on by less are no seconds: a thousand rows in each
 EPOCH_NS = (1e18, 3.3e18)  # a column of numbers between these [ns] counts from 1970: years 2001 to 2074
 SINCE_1904_S, ORIGIN_1904_NS = (3.3e9, 4.3e9), utc_ns(EPOCH.replace(year=1904))  # as LabVIEW counts: 2008 to 2040
+TICKS = {  # of 100 ns, in words -> what they count from, and the ticks of 2000 and 2100
+    "100 ns since the year 1 in UTC": (621_355_968_000_000_000, 6.3e17, 6.63e17),  # .NET
+    "100 ns since 1601 in UTC": (116_444_736_000_000_000, 1.26e17, 1.575e17),  # Windows
+}
 CATMAN_TIME = re.compile(r"(?:time|zeit) +\d+ - ", re.IGNORECASE)  # "Zeit  1 - Standardmessrate"
 LOOSE_NS = 2_000_000_000  # stamps of whole seconds and what counts beside them: apart by this at most
 NO_RECORD = np.empty(0, np.int64)  # stamps need none
@@ -231,6 +249,9 @@ def _by_content(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
         return Counted(
             says=says, absolute=True, columns=(column,), unit_ns=SECOND_NS, step_ns=1000, origin_ns=ORIGIN_1904_NS
         )
+    for says, (of_1970, first, last) in TICKS.items() if unit is None else ():
+        if first <= median(_numbers(dialect, column)) < last:
+            return Counted(says=says, absolute=True, columns=(column,), unit_ns=100, step_ns=1000, zero=of_1970)
     if unit is None and (clock := _serial(time, column, dialect)):
         return clock
     says, start, unit_ns = f"{candidates[0]} from the start", time.start_ns, UNITS_NS[candidates[0]]
@@ -395,11 +416,13 @@ def _fits(pattern: str, dialect: Dialect, column: str) -> bool:
 
 
 def rises(values: NDArray[Any]) -> bool:
-    """Whether numbers (N,) go on as time does: at most one step in ten back, the second half later than the first."""
+    """Whether numbers (N,) go on as time does: at most one step in ten back, most forward or the second half later than
+    the first: a clock may have been started anew between both."""
     if len(values) < 2:
         return len(values) == 1
-    back, half = int((np.diff(values) < 0).sum()), len(values) // 2
-    return 10 * back <= len(values) and bool(np.median(values[half:]) > np.median(values[:half]))
+    steps, half = np.diff(values), len(values) // 2
+    later = np.median(values[half:]) > np.median(values[:half])
+    return 10 * int((steps < 0).sum()) <= len(values) and bool(later or 2 * int((steps > 0).sum()) > len(steps))
 
 
 def is_time_name(name: str) -> bool:

@@ -109,11 +109,18 @@ class TextFile:
 
 
 def decoded(block: bytes) -> str:
-    """A block as text: UTF-8, or cp1252 where it is not UTF-8."""
+    """A block as text: UTF-8, or cp1252 in lines that are not UTF-8."""
     try:
         return block.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return block.decode("cp1252", errors="replace")
+        return "\n".join(map(_decoded_line, block.removeprefix(codecs.BOM_UTF8).split(b"\n")))
+
+
+def _decoded_line(line: bytes) -> str:
+    try:
+        return line.decode()
+    except UnicodeDecodeError:
+        return line.decode("cp1252", errors="replace")
 
 
 def place_of(path: Path, line: int) -> str:

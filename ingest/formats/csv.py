@@ -42,7 +42,7 @@ from ingest.formats._csv_series import TimedColumns, series_of
 from ingest.formats._csv_tables import BELOW, first_table, is_header
 from ingest.formats._csv_time import recognise_clock, times_of
 from ingest.formats._long_tables import LongTable, recognise_long
-from ingest.formats._text import TextFile, place_of
+from ingest.formats._text import TextFile, decoded, place_of
 
 NUMBER_AND_UNIT = re.compile(r"[+-]?\d[\d.,]* ?[^\W\d]{1,4}|[+-]?\d[\d.,]* [^\s\d]{1,6}")
 RUNTIME = ('"$RT_', "$RT_")  # marks of Siemens' operator panels: switched on or off, or how many lines there are
@@ -95,12 +95,13 @@ class CsvLog(Log):
         return TextFile(self.path)
 
     def _decoded(self, block: bytes, *, first: bool) -> str:
-        """A block as text: UTF-8, or cp1252 where it is not UTF-8."""
+        """A block as text: UTF-8, or cp1252 in lines that are not UTF-8."""
         try:
-            return block.decode("utf-8-sig" if first else "utf-8").replace("\r\n", "\n")
+            text = block.decode("utf-8-sig" if first else "utf-8")
         except UnicodeDecodeError:
             self.settings["encoding"] = "cp1252"
-            return block.decode("cp1252", errors="replace").replace("\r\n", "\n")
+            text = decoded(block)
+        return text.replace("\r\n", "\n")
 
     def _headed(self, line: str) -> str:
         """The first line of the file without the zeros above it, which a disk gives back for what is lost."""
