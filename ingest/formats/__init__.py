@@ -291,7 +291,7 @@ def recognise(path: Path) -> Format:
     if is_text(head):
         texts = (entry for entry in FORMATS if not entry.magic and path.name.lower().endswith(entry.suffixes))
         entry = next(texts, ANY_TEXT)
-        return ANY_TEXT if entry.holds == "frames" and not re.search(FRAME_WAY, head) and is_table(path) else entry
+        return ANY_TEXT if entry.holds == "frames" and not re.search(FRAME_WAY, head) and not no_table(path) else entry
     todo = no_logs.by_name(path) or "Export it as one of these"
     raise UnreadableLogError(f"{path.name}: is none of the known log formats ({SUFFIXES}). {todo}.")
 
@@ -327,9 +327,10 @@ def _below_first_line(path: Path) -> bytes:
         return file.read(HEAD)
 
 
-def is_table(path: Path) -> bool:
-    """Whether a text that looks like no other format begins as a table does."""
-    return bool(import_module(ANY_TEXT.module).is_table(path))
+def no_table(path: Path) -> str | None:
+    """Why a text that looks like no other format does not begin as a table does; None where it does."""
+    why: str | None = import_module(ANY_TEXT.module).no_table(path)
+    return why
 
 
 def open_log(path: Path, time: TimeSpec | None = None) -> Log:

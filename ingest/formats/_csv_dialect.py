@@ -155,12 +155,13 @@ def _heads_units(row: Sequence[str]) -> bool:
     return bool(row) and row[0].casefold().rstrip(":") in UNIT_WORDS
 
 
-def holds_table(lines: Sequence[str]) -> bool:
-    """Whether the first lines of a text, blank ones left out, are a header and rows that hold numbers."""
+def no_table_of(lines: Sequence[str], log: str) -> str | None:
+    """Why the first lines of a text, blank ones left out, are no header and rows that hold numbers; None where they
+    are."""
     try:
-        return True in recognise_dialect(lines, "").numeric
-    except UnreadableLogError:
-        return False
+        return None if True in recognise_dialect(lines, log).numeric else "no column of it holds numbers."
+    except UnreadableLogError as error:
+        return str(error).removeprefix(f"{log}: ")
 
 
 def _layout(lines: Sequence[str]) -> tuple[str, int]:

@@ -32,8 +32,8 @@ from ingest.formats._csv_dialect import (
     Dialect,
     cells,
     header_in_one_line,
-    holds_table,
     is_value,
+    no_table_of,
     recognise_dialect,
 )
 from ingest.formats._csv_lines import SHOWN, LineReader, Lines
@@ -360,12 +360,12 @@ class CsvLog(Log):
         self.end_rows(ended, f"{first.where}: {first.why}" if first else "there is none below its header")
 
 
-def is_table(path: Path) -> bool:
-    """Whether a text begins as a table does: with a header and rows that hold numbers."""
+def no_table(path: Path) -> str | None:
+    """Why a text does not begin as a table does, with a header and rows that hold numbers; None where it does."""
     block = next(TextFile(path).blocks(), b"")
     text = block.decode("utf-8-sig", errors="replace").replace("\r\n", "\n").lstrip("\0")
     lines = header_in_one_line(text.split("\n"))
-    return holds_table([line for line in lines if _is_row(line)][: 2 * SAMPLE_ROWS])
+    return no_table_of([line for line in lines if _is_row(line)][: 2 * SAMPLE_ROWS], path.name)
 
 
 def _is_row(line: str) -> bool:

@@ -17,7 +17,7 @@ from typing import Any
 
 from ingest.errors import UnreadableLogError, not_installed
 from ingest.formats import Rows, _csv_numbers, most_unpacked
-from ingest.formats._csv_dialect import SAMPLE_ROWS, holds_table
+from ingest.formats._csv_dialect import SAMPLE_ROWS, no_table_of
 from ingest.formats._csv_numbers import Numerals
 from ingest.formats._text import TextFile
 from ingest.formats._xlsx_sheets import Row, Workbook
@@ -125,7 +125,7 @@ class XlsxLog(CsvLog):
         """Whether a sheet begins with a header and rows that hold numbers."""
         text = _SheetText(path=self.path, book=self._book, sheet=sheet)
         lines = next(text.blocks()).decode().split("\n")
-        return holds_table([line for line in lines if line][: 2 * SAMPLE_ROWS])
+        return no_table_of([line for line in lines if line][: 2 * SAMPLE_ROWS], self.path.name) is None
 
 
 def _since_midnight(cell: time) -> timedelta:

@@ -17,11 +17,12 @@ from ingest.errors import IngestError, UnreadableLogError
 from ingest.facts.durable import scratch
 from ingest.facts.sessions import natural
 from ingest.facts.store import MARK
-from ingest.formats import ANY_TEXT, is_table, recognise
+from ingest.formats import ANY_TEXT, no_table, recognise
 from ingest.intake.archives import is_archive, unpacked
 from ingest.intake.setup import kept_name
 from ingest.log.database_files import is_database
 
+TABLES = (".csv", ".tsv")  # so a table is called, whatever it holds
 DATABASES = (".dbc", ".kcd", ".sym", ".arxml")  # so a database is called, whatever it holds
 
 
@@ -73,7 +74,7 @@ def databases_in(argument: Path) -> list[Path]:
 
 def _looks_like_a_database(path: Path) -> bool:
     try:
-        return recognise(path) == ANY_TEXT and not is_table(path) and is_database(path)
+        return recognise(path) == ANY_TEXT and no_table(path) is not None and is_database(path)
     except (UnreadableLogError, OSError):
         return False
 
@@ -129,11 +130,11 @@ def _no_log(path: Path) -> str | None:
     try:
         if is_archive(path):
             return f"{kept_name(path)}: is an archive in an archive. Unpack it first."
-        if recognise(path) == ANY_TEXT and not is_table(path):
-            what = (
-                "describes signals of a bus: give it with --dbc" if is_database(path) else "is a text without a table"
-            )
-            return f"{kept_name(path)}: {what}."
+        if recognise(path) == ANY_TEXT and (why := no_table(path)):
+            if is_database(path):
+                return f"{kept_name(path)}: describes signals of a bus: give it with --dbc."
+            what = f": {why}" if path.suffix.lower() in TABLES else "."
+            return f"{kept_name(path)}: is a text without a table{what}"
     except UnreadableLogError as error:
         return str(error)
     except OSError as error:

@@ -33,7 +33,7 @@ from ingest.log.samples import Samples
 from ingest.log.specimens import Specimens
 from ingest.log.transport import Unpacked
 
-DECODER = "whyhot-decoder/7"
+DECODER = "whyhot-decoder/8"
 RECORDING = "recording.mcap"
 WAITING_VALUES = 16_000_000  # of all groups that wait for their row group: 128 MB
 

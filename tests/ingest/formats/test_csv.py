@@ -407,6 +407,19 @@ def test_a_date_that_does_not_go_on_with_the_rows_dates_nothing(tmp_path: Path) 
     assert not log.absolute and log.settings["time"] == "s from the start"
 
 
+def test_a_clock_that_is_started_anew_in_the_middle_is_a_time(tmp_path: Path) -> None:
+    rows = "".join(f"{k},20\n" for k in range(60))
+    log, t_ns, _ = read(table(tmp_path, f"time_s,T\n{rows}time_s,T\n{rows}"))
+    assert (len(t_ns), log.settings["backward_steps"], list(log.rejected)) == (120, 1, [])
+
+
+def test_a_line_in_another_encoding_leaves_the_others_as_they_are(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_bytes("t;T_Rücken;note\n0;20;zu\n".encode() + "1;21;Tür\n".encode("cp1252") + bytes(700))
+    log, _, columns = read(path)  # a small file that a disk has filled with zeros is a text too
+    assert (columns["T_Rücken"], columns["note"], len(log.rejected)) == ([20, 21], ["zu", "Tür"], 1)
+
+
 def test_a_column_t_that_does_not_rise_is_a_temperature(tmp_path: Path) -> None:
     path = table(tmp_path, "t,n\n20,1\n19.5,1\n19.0,1\n20,1\n")
     with pytest.raises(

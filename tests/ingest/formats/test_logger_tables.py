@@ -150,6 +150,27 @@ LOGGED = {
         step_ns=TENTH,
     ),
     "X in seconds": Logged("X;T;n\ns;°C;1/min\n0;20;5\n1;21;6\n2;;7\n", units=("°C", "1/min"), begins_ns=0),
+    "a sign of a comment before the names": Logged(
+        "# Motor 7, run 3\n# t[s] T[degC] n[rpm]\n 0 20.0 5\n 1 21.0 6\n 2 NaN 7\n",
+        names=("T[degC]", "n[rpm]"),
+        units=("degC", "rpm"),
+        begins_ns=0,
+    ),
+    "decimal commas in quotes": Logged(
+        '"t","T","n"\n"0,0","20,0","5"\n"0,1","21,0","6"\n"0,2","","7"\n', begins_ns=0, step_ns=TENTH
+    ),
+    "names below those of groups": Logged(
+        "Time,Stator,Rotor\nTime,T [degC],n [rpm]\n0,20,5\n1,21,6\n2,,7\n",
+        names=("T [degC]", "n [rpm]"),
+        units=("degC", "rpm"),
+        begins_ns=0,
+    ),
+    "ticks of .NET": Logged(
+        "Ticks,T,n\n638775360000000000,20,5\n638775360010000000,21,6\n638775360020000000,,7\n",
+    ),
+    "ticks of Windows": Logged(
+        "FileTime,T,n\n133864128000000000,20,5\n133864128010000000,21,6\n133864128020000000,,7\n",
+    ),
     "-9999": Logged("time,T,n\n0,20.0,5\n1,21.0,6\n2,-9999,7\n", begins_ns=0),
     "INVALID": Logged("time,T,n\n0,20.0,5\n1,21.0,6\n2,INVALID,7\n", begins_ns=0),
     "header and units again": Logged(
