@@ -66,25 +66,22 @@ class Workbook:
             yield 0, self.library.load_workbook(str(self.path)).get_sheet_by_name(name)
             return
         with zipfile.ZipFile(self.path) as packed, packed.open(self._places[name]) as file:
-            size = max(PART, *map(len, self._common.values()))
-            text = file.read(size)
+            least = max(map(len, self._common.values()))
+            text = file.read(max(PART // 8, least))  # few rows: what a sheet is shows at its beginning
             begin = HEAD.search(text)
             if begin is None:
                 yield 0, self._sheet(name, text + file.read())
                 return
             head, text = text[: begin.end()], text[begin.end() :]
-            row_end, tail = (
-                form % {b"x": begin[1]} for form in (b"</%(x)brow>", b"</%(x)bsheetData></%(x)bworksheet>")
-            )
-            before = 0
-            while piece := file.read(size):
-                text += piece
-                end = text.rfind(row_end) + len(row_end)
-                if end < len(row_end):
-                    continue
-                rows, text = text[:end], text[end:]
-                yield 0 if NUMBERED.search(rows) else before, self._sheet(name, head + rows + tail)
-                before += len(ROW.findall(rows))
+            row_end, tail = b"</%brow>" % begin[1], b"</%bsheetData></%bworksheet>" % (begin[1], begin[1])
+            before, more = 0, True
+            while more:
+                rows, end, rest = text.rpartition(row_end)
+                if end:
+                    yield 0 if NUMBERED.search(rows) else before, self._sheet(name, head + rows + end + tail)
+                    before += len(ROW.findall(rows))
+                piece = file.read(max(PART, least))
+                text, more = rest + piece, bool(piece)
             yield 0 if NUMBERED.search(text) else before, self._sheet(name, head + text)
 
     def _sheet(self, name: str, text: bytes) -> Any:

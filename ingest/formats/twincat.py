@@ -15,8 +15,9 @@ from dataclasses import dataclass, field, replace
 from ingest.errors import UnreadableLogError
 from ingest.formats import EPOCH, utc_ns
 from ingest.formats._csv_dialect import DELIMITERS, cells, is_value
+from ingest.formats._csv_lines import SHOWN
 from ingest.formats._text import TextFile, decoded
-from ingest.formats.csv import ABOVE, SHOWN, CsvLog
+from ingest.formats.csv import ABOVE, CsvLog
 
 TIME, UNIT_OF_TIME = "Time", "ms"
 NAME, SYMBOL, UNIT, START = "Name", "SymbolName", "Unit", "Starttime of export"
