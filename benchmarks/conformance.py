@@ -39,7 +39,7 @@ from mcap.reader import NonSeekingReader
 
 from benchmarks import asked
 from ingest.errors import DatabaseError, UnreadableLogError
-from ingest.formats import ANY_TEXT, EXTENDED, FD, REMOTE, Frames, Log, is_table, open_log, recognise
+from ingest.formats import ANY_TEXT, EXTENDED, FD, REMOTE, Frames, Log, no_table, open_log, recognise
 from ingest.log.database_files import read_database
 from ingest.log.databases import Message, load
 from ingest.log.frames import FrameBatch
@@ -338,7 +338,7 @@ def rows_of(folder: Path) -> list[Row]:
         is_database = path.suffix.lower() in DATABASES
         try:
             form = path.suffix.lower()[1:].upper() if is_database else recognise(path).name
-            if form == ANY_TEXT.name and not is_table(path):
+            if form == ANY_TEXT.name and no_table(path) is not None:
                 raise UnreadableLogError("is a text without a table")
         except UnreadableLogError as error:
             row = found.setdefault("no log", Row("no log"))
