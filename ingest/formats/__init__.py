@@ -64,8 +64,8 @@ def payloads(
     """`Frames.offsets` and `Frames.data` of payloads that begin at `source` (N,) in `data`, of `length` (N,) bytes."""
     offsets = np.concatenate([np.zeros(1, np.int64), np.cumsum(length)])
     if len(length) and length[0] > 0 and (length == length[0]).all():  # most often 8: taken as words, not as bytes
-        words = np.lib.stride_tricks.sliding_window_view(data, int(length[0]))
-        return offsets, words[source].reshape(-1)
+        words = np.ndarray((len(data) - int(length[0]) + 1,), f"V{length[0]}", data, strides=(1,))
+        return offsets, words[source].view(np.uint8)
     return offsets, data[np.repeat(source - offsets[:-1], length) + np.arange(offsets[-1])]
 
 

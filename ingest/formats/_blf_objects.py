@@ -50,6 +50,7 @@ FD_101 = np.dtype(
 CLASSIC_TYPES, FD_100_TYPES, FD_101_TYPES = (1, 86), (100,), (101,)
 FRAME_TYPES = (*CLASSIC_TYPES, *FD_100_TYPES, *FD_101_TYPES)
 ERROR_TYPES = (2, 73, 104)
+OURS = (*FRAME_TYPES, *ERROR_TYPES)
 
 
 def overlay(stream: bytes, layout: np.dtype[np.void], at: Ints) -> NDArray[np.void]:
@@ -140,7 +141,7 @@ class _Chain:
         end = at + size
         following = np.searchsorted(at, end)
         gap = np.append(at, end.max(initial=0) + length)[following] - end
-        frame = np.isin(head["type"], (*FRAME_TYPES, *ERROR_TYPES))
+        frame = np.isin(head["type"], OURS)
         possible = (size >= BASE_BYTES) & (size <= np.where(frame, LONGEST_FRAME, LONGEST_OBJECT))
         good = possible & ((gap <= PADDING) | (end > length - BASE_BYTES))
         return cls(at, end, following, possible, good, length)
@@ -192,12 +193,8 @@ WHY = (
 FINE, ERROR_FRAME, SHORT, CHANNEL, LONG, LATE = range(len(WHY))
 SHOWN = 64  # first bytes of a rejected object
 ID_BITS = 0x9FFF_FFFF  # 29 bits, and bit 31 for an extended identifier
-FIELDS = np.dtype(
-    [
-        ("why", "u1"), ("bus", "u1"), ("id", "<u4"), ("flags", "u1"), ("source", "<i8"), ("length", "<i8"),
-        ("present", "<i8"),
-    ]
-)  # fmt: skip
+FIELDS = {"why": "u1", "bus": "u1", "id": "<u4", "flags": "u1", "source": "<i8", "length": "<i8", "present": "<i8"}
+Fields = dict[str, NDArray[Any]]  # of objects (N,), by the names in FIELDS
 
 
 def read_frames(
@@ -214,14 +211,16 @@ def read_frames(
     `note` hears the records with the place of each.
     """
     at, head = objects.at, objects.head
-    ours = _is_one(head["type"], (*FRAME_TYPES, *ERROR_TYPES))
+    ours = is_one(head["type"], OURS)
     if not ours.all():
         at, head = at[ours], head[ours]
     fields = _fields(stream, at, head)
     t_ns = _stamps(head, start_ns, fields["why"])
-    fields["why"][_is_one(head["type"], ERROR_TYPES)] = ERROR_FRAME
+    fields["why"][is_one(head["type"], ERROR_TYPES)] = ERROR_FRAME
     damaged_at = np.array([byte for byte, _ in objects.damage], np.int64)
-    record = first_record + np.arange(len(at)) + np.searchsorted(damaged_at, at)
+    record = np.arange(first_record, first_record + len(at))
+    if len(damaged_at):
+        record += np.searchsorted(damaged_at, at)
     note(record, lambda i: where(int(at[i])))
     rejected = [
         Rejected(
@@ -235,49 +234,57 @@ def read_frames(
     return _frames(stream, fields, t_ns, record), sorted(rejected, key=lambda entry: entry.record)
 
 
-def _is_one(kind: NDArray[Any], types: Sequence[int]) -> NDArray[np.bool_]:
+def is_one(kind: NDArray[Any], types: Sequence[int]) -> NDArray[np.bool_]:
     """Which objects (N,) are of one of these types."""
     found = np.zeros(len(kind), np.bool_)
     for one in types:
         found |= kind == one
+        if found.all():
+            break
     return found
 
 
-def _fields(stream: bytes, at: Ints, head: NDArray[np.void]) -> NDArray[np.void]:
+def _fields(stream: bytes, at: Ints, head: NDArray[np.void]) -> Fields:
     """FIELDS of each object; `why` is SHORT where no layout fits."""
-    fields = np.zeros(len(at), FIELDS)
-    fields["why"] = SHORT
+    fields: Fields = {name: np.zeros(len(at), kind) for name, kind in FIELDS.items()}
+    fields["why"][:] = SHORT
     header = head["header"].astype(np.int64)
-    kind = head["type"].copy()
-    space = np.where(header < HEADER.itemsize, -1, head["size"].astype(np.int64) - header)
+    space = head["size"] - header
+    space[header < HEADER.itemsize] = -1
     for types, layout, read in LAYOUTS:
-        fits = _is_one(kind, types) & (space >= layout.itemsize)
-        which = slice(None) if fits.all() else np.flatnonzero(fits)
-        part = overlay(stream, layout, at[which] + header[which])
-        flags, length, present = read(part, space[which] - layout.itemsize, header[which])
-        long, high = length > LONGEST_PAYLOAD, part["bus"] > np.iinfo(np.uint8).max
-        why = np.select([long, high, present < 0], [LONG, CHANNEL, SHORT], FINE)
-        source = at[which] + header[which] + layout.itemsize
-        length = np.where(flags & REMOTE, 0, length)
-        values = (why, part["bus"] & 0xFF, part["id"] & ID_BITS, flags, source, length, np.minimum(present, length))
-        for name, value in zip(FIELDS.names or (), values, strict=True):
-            fields[name][which] = value
+        fits = is_one(head["type"], types) & (space >= layout.itemsize)
         if fits.all():
-            break
+            return _read(stream, layout, read, at, header, space)
+        which = np.flatnonzero(fits)
+        found = _read(stream, layout, read, at[which], header[which], space[which])
+        for name in FIELDS:
+            fields[name][which] = found[name]
     return fields
 
 
-def _classic(part: NDArray[np.void], space: Ints, _: Ints) -> tuple[Ints, Ints, Ints]:
-    length = np.minimum(part["dlc"].astype(np.int64), 8)
+def _read(stream: bytes, layout: np.dtype[np.void], read: Read, at: Ints, header: Ints, space: Ints) -> Fields:
+    """FIELDS of objects (N,) of one layout, behind headers of `header` bytes with `space` bytes behind these."""
+    part = overlay(stream, layout, at + header)
+    flags, length, present = read(part, space - layout.itemsize, header)
+    why = np.zeros(len(at), np.uint8)
+    for problem, there in ((SHORT, present < 0), (CHANNEL, part["bus"] > 0xFF), (LONG, length > LONGEST_PAYLOAD)):
+        why[there] = problem
+    length[flags & REMOTE != 0] = 0
+    values = (why, part["bus"], part["id"] & ID_BITS, flags, at + header + layout.itemsize, length, present)
+    return {name: value.astype(FIELDS[name], copy=False) for name, value in zip(FIELDS, values, strict=True)}
+
+
+def _classic(part: NDArray[np.void], space: Ints, _: Ints) -> tuple[NDArray[Any], Ints, Ints]:
+    length = np.minimum(part["dlc"], 8).astype(np.int64)
     return _flags(part, 0), length, np.where(space < length, -1, length)
 
 
-def _fd_100(part: NDArray[np.void], space: Ints, _: Ints) -> tuple[Ints, Ints, Ints]:
+def _fd_100(part: NDArray[np.void], space: Ints, _: Ints) -> tuple[NDArray[Any], Ints, Ints]:
     length = part["length"].astype(np.int64)
     return _flags(part, part["fd_flags"] & 1), length, np.where(space < length, -1, length)
 
 
-def _fd_101(part: NDArray[np.void], space: Ints, header: Ints) -> tuple[Ints, Ints, Ints]:
+def _fd_101(part: NDArray[np.void], space: Ints, header: Ints) -> tuple[NDArray[Any], Ints, Ints]:
     """(flags, length, room for the payload) of CAN FD objects of type 101.
 
     `extra`: where further data begins, from the start of the object; what that leaves out of a payload is zero.
@@ -288,12 +295,13 @@ def _fd_101(part: NDArray[np.void], space: Ints, header: Ints) -> tuple[Ints, In
     return flags, part["length"].astype(np.int64), space
 
 
-def _flags(part: NDArray[np.void], fd: NDArray[Any] | int) -> Ints:
-    bits = part["flags"].astype(np.int64)
-    return REMOTE * (bits >> 7 & 1) | TRANSMIT * (bits & 1) | FD * np.asarray(fd, np.int64)
+def _flags(part: NDArray[np.void], fd: NDArray[Any] | int) -> NDArray[Any]:
+    bits = part["flags"]
+    return REMOTE * (bits >> 7) | TRANSMIT * (bits & 1) | FD * fd
 
 
-LAYOUTS: tuple[tuple[tuple[int, ...], np.dtype[np.void], Callable[..., tuple[Ints, Ints, Ints]]], ...] = (
+Read = Callable[[NDArray[np.void], Ints, Ints], tuple[NDArray[Any], Ints, Ints]]
+LAYOUTS: tuple[tuple[tuple[int, ...], np.dtype[np.void], Read], ...] = (
     (CLASSIC_TYPES, CLASSIC, _classic),
     (FD_100_TYPES, FD_100, _fd_100),
     (FD_101_TYPES, FD_101, _fd_101),
@@ -303,18 +311,21 @@ LAYOUTS: tuple[tuple[tuple[int, ...], np.dtype[np.void], Callable[..., tuple[Int
 def _stamps(head: NDArray[np.void], start_ns: int, why: NDArray[np.uint8]) -> Ints:
     """Stamps of objects [ns]: with flag 1 they count 10 us in the file, else 1 ns."""
     scale = np.where(head["flags"] == 1, np.uint64(10_000), np.uint64(1))
-    late = head["stamp"] > np.uint64(LAST_NS - max(0, start_ns)) // scale
+    most = LAST_NS - max(0, start_ns)
+    late = head["stamp"] > np.where(scale == 1, np.uint64(most), np.uint64(most // 10_000))
     why[late] = LATE
-    return start_ns + np.where(late, np.uint64(0), head["stamp"] * scale).astype(np.int64)
+    since = head["stamp"] * scale
+    since[late] = 0
+    return since.view(np.int64) + start_ns
 
 
-def _frames(stream: bytes, fields: NDArray[np.void], t_ns: Ints, record: Ints) -> Frames:
+def _frames(stream: bytes, fields: Fields, t_ns: Ints, record: Ints) -> Frames:
     fine = fields["why"] == FINE
     if not fine.all():
-        fields, t_ns, record = fields[fine], t_ns[fine], record[fine]
+        fields, t_ns, record = {name: values[fine] for name, values in fields.items()}, t_ns[fine], record[fine]
     length, present = fields["length"], fields["present"]
     offsets, data = payloads(np.frombuffer(stream, np.uint8), fields["source"], length)
     if (present < length).any():
         inside = np.arange(offsets[-1]) - np.repeat(offsets[:-1], length)
         data[inside >= np.repeat(present, length)] = 0
-    return Frames(t_ns, fields["bus"].copy(), fields["id"].copy(), fields["flags"].copy(), offsets, data, record)
+    return Frames(t_ns, fields["bus"], fields["id"], fields["flags"], offsets, data, record)

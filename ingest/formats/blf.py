@@ -16,12 +16,10 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import IO
 
-import numpy as np
-
 from ingest.errors import UnreadableLogError
 from ingest.formats import Frames, Log, most_unpacked
 from ingest.formats._blf_containers import parts
-from ingest.formats._blf_objects import ERROR_TYPES, FRAME_TYPES, MARGIN, Objects, read_frames, split
+from ingest.formats._blf_objects import MARGIN, OURS, Objects, is_one, read_frames, split
 
 HEADER = struct.Struct("<4sL8xQQLL8H8H")  # magic, header size, .., file size, unpacked size, objects, .., start, stop
 BATCH = 4 << 20  # unpacked bytes that are read at once: about 90,000 classic frames
@@ -30,29 +28,37 @@ SHOWN_PROBLEMS = 3
 
 @dataclass
 class _Stream:
-    """Unpacked bytes that are not read yet. `wanted`: how many hold a whole object; `aligned`: they begin with one."""
+    """Unpacked bytes that are not read yet, `size` in all. `wanted`: how many hold a whole object; `aligned`: they
+    begin with one."""
 
-    data: bytearray = field(default_factory=bytearray)
+    pieces: list[bytes] = field(default_factory=list)
+    size: int = 0
     wanted: int = 0
     aligned: bool = True
-    begins: list[tuple[int, int]] = field(default_factory=list)  # (byte of `data`, byte of the file), both ascending
+    begins: list[tuple[int, int]] = field(default_factory=list)  # (byte, byte of the file) of pieces, both ascending
 
     def add(self, at: int, piece: bytes) -> None:
-        self.begins.append((len(self.data), at))
-        self.data += piece
+        self.begins.append((self.size, at))
+        self.pieces.append(piece)
+        self.size += len(piece)
 
-    def keep(self, objects: Objects) -> None:
-        """Drop what was read."""
+    def data(self) -> bytes:
+        """All of it, with MARGIN spare bytes."""
+        return b"".join([*self.pieces, bytes(MARGIN)])
+
+    def keep(self, data: bytes, objects: Objects) -> None:
+        """Drop what was read of `data`."""
         last = max(0, bisect_right(self.begins, (objects.rest, 1 << 63)) - 1)
         self.begins = [(byte - objects.rest, at) for byte, at in self.begins[last:]]
-        del self.data[: objects.rest]
+        self.pieces = [data[objects.rest : self.size]]
+        self.size -= objects.rest
         self.wanted, self.aligned = objects.wanted, objects.aligned
 
     def lose(self) -> None:
         """Begin anew: the bytes that come next do not continue those that were there."""
-        self.data.clear()
+        self.pieces.clear()
         self.begins.clear()
-        self.wanted, self.aligned = 0, False
+        self.size, self.wanted, self.aligned = 0, 0, False
 
     def where(self, byte: int) -> str:
         first, at = self.begins[max(0, bisect_right(self.begins, (byte, 1 << 63)) - 1)]
@@ -83,14 +89,14 @@ class BlfLog(Log):
                     break
                 for piece in range(0, len(part.data), BATCH):
                     stream.add(part.at, part.data[piece : piece + BATCH])
-                    if len(stream.data) >= max(BATCH, stream.wanted):
+                    if stream.size >= max(BATCH, stream.wanted):
                         yield from self._batch(stream)
                 if part.problem:
                     self._problems.append(part.problem)
                     yield from self._batch(stream)
                     stream.lose()
             yield from self._batch(stream)
-        self._finish(size, bool(stream.data.strip(b"\0")))
+        self._finish(size, bool(stream.data().strip(b"\0")))
 
     def _read_header(self, file: IO[bytes], size: int) -> int:
         """The first byte behind the header of the file."""
@@ -118,15 +124,13 @@ class BlfLog(Log):
         return self.time.wall_ns(stamp)
 
     def _batch(self, stream: _Stream) -> Iterator[Frames]:
-        data = bytes(stream.data) + bytes(MARGIN)
+        data = stream.data()
         objects = split(data, aligned=stream.aligned)
         frames, rejected = read_frames(data, objects, self._start_ns, self.found, stream.where, self.note_places)
         self.found += len(frames.record) + len(rejected)
         self.rejected.extend(rejected)
-        kinds, counts = np.unique(objects.head["type"], return_counts=True)
-        known = (*FRAME_TYPES, *ERROR_TYPES)
-        self._other.update({int(k): int(n) for k, n in zip(kinds, counts, strict=True) if k not in known})
-        stream.keep(objects)
+        self._other.update(objects.head["type"][~is_one(objects.head["type"], OURS)].tolist())
+        stream.keep(data, objects)
         if len(frames.record):
             yield frames
 
