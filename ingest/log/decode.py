@@ -7,7 +7,9 @@ of the log and `decoded` by the Parquet files that were written.
 from __future__ import annotations
 
 import hashlib
+from collections import deque
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -20,7 +22,8 @@ from ingest.bench.resolving import ResolvedChannel
 from ingest.facts.durable import sha256_of
 from ingest.facts.events import DecodeCompleted
 from ingest.formats import SERIES, Frames, Rejected, Rows
-from ingest.log import clock, held, recording, samples, stamps
+from ingest.log import clock, held, recording, stamps
+from ingest.log.ahead import ahead
 from ingest.log.balance import Account, outcome
 from ingest.log.clock import JUMP_NS, times_of
 from ingest.log.databases import Database, merged
@@ -29,13 +32,14 @@ from ingest.log.j1939 import Explained, explained
 from ingest.log.plan import SignalGroup, groups_of, plan
 from ingest.log.reading import LogReading
 from ingest.log.recording import id_text, identifiers
-from ingest.log.samples import Samples
+from ingest.log.samples import GroupWriter, Samples
 from ingest.log.specimens import Specimens
 from ingest.log.transport import Unpacked
 
 DECODER = "whyhot-decoder/8"
 RECORDING = "recording.mcap"
 WAITING_VALUES = 16_000_000  # of all groups that wait for their row group: 128 MB
+WRITERS = 2  # threads that write or hash the files of the groups, each file by one of them at a time
 
 
 def is_made_here(decoder: str) -> bool:
@@ -76,14 +80,17 @@ def decode_file(
     said = {"databases": notes, "missing": plan(groups, channels, bench, texts), "changes": _changes(bench, reading)}
     said["times"] = [times_of(reading, bench)]
     specimens = Specimens(bench, reading.columns)
-    work = _Work(groups, held.collect(path, groups, means), raw, folder, means)
     faults = stamps.look(path) if _is_long(reading) else None  # only in such a log can a stamp be far off
-    for _, batch in recording.read(path):
-        placed = clock.without(batch, faults.strays) if faults else batch
-        specimens.add(placed)
-        work.add(placed)
-    rows = work.close()
-    written = [group for group in groups if group.name in rows]
+    with ThreadPoolExecutor(WRITERS) as pool:
+        work = _Work(groups, held.collect(path, groups, means), raw, folder, means, pool)
+        for _, batch in ahead(recording.read(path)):
+            placed = clock.without(batch, faults.strays) if faults else batch
+            specimens.add(placed)
+            work.add(placed)
+        rows = work.close()
+        written = [group for group in groups if group.name in rows]
+        files = [RECORDING, *(group.file for group in written)]
+        products = dict(zip(files, pool.map(sha256_of, [folder / name for name in files]), strict=True))
     if faults is None and not work.watch.rises:
         faults = stamps.look(path)
     return DecodeCompleted(
@@ -91,7 +98,7 @@ def decode_file(
         **_outcome(reading, path, work.account, sum(rows.values()), said, faults or clock.StampFaults(), written),
         groups=[group.entry(rows[group.name]) for group in written],
         channels=[output.channel for group in written for output in group.outputs if output.channel],
-        products={name: sha256_of(folder / name) for name in [RECORDING, *(group.file for group in written)]},
+        products=products,
         parts=specimens.parts(),
     )
 
@@ -162,14 +169,21 @@ class _Work:
     """Decodes batch after batch into the files of the groups, and keeps account of what could not be decoded."""
 
     def __init__(
-        self, groups: Sequence[SignalGroup], others: held.Held, raw: str, folder: Path, means: Explained
+        self,
+        groups: Sequence[SignalGroup],
+        others: held.Held,
+        raw: str,
+        folder: Path,
+        means: Explained,
+        pool: ThreadPoolExecutor,
     ) -> None:
         self.account = Account()
         self.watch = clock.Watch()
         self._groups = {group.stream: group for group in groups}
         self._others, self._raw, self._folder = others, raw, folder
-        self._writers: dict[str, samples.GroupWriter] = {}
+        self._writers: dict[str, GroupWriter] = {}
         self._unpacked = Unpacked(means)
+        self._pool = pool
 
     def add(self, batch: Frames | Rows) -> None:
         """Decode a batch of frames or rows."""
@@ -179,14 +193,13 @@ class _Work:
             for part in self._unpacked.parts(batch):
                 self._add_frames(FrameBatch(part.frames), part.carried)
         if sum(writer.waiting for writer in self._writers.values()) > WAITING_VALUES:
-            for writer in self._writers.values():
-                writer.flush()
+            deque(self._pool.map(GroupWriter.flush, self._writers.values()), 0)
 
     def close(self) -> dict[str, int]:
         """Finish the files: group name -> rows, as the file itself says."""
         self._unpacked.finish()
         self.account.break_off(self._unpacked.broken)
-        return {name: writer.close() for name, writer in self._writers.items()}
+        return dict(zip(self._writers, self._pool.map(GroupWriter.close, self._writers.values()), strict=True))
 
     def _add_frames(self, batch: FrameBatch, carried: NDArray[np.int64] | None) -> None:
         """Decode frames. `carried` (N,): how many frames of the log each is, None where each is one."""
@@ -227,5 +240,5 @@ class _Work:
         values = [output.values([signal(*source) for source in output.sources]) for output in group.outputs]
         if group.name not in self._writers:
             columns = [output.column for output in group.outputs]
-            self._writers[group.name] = samples.GroupWriter(self._folder / group.file, self._raw, columns)
+            self._writers[group.name] = GroupWriter(self._folder / group.file, self._raw, columns)
         self._writers[group.name].add(Samples(t_ns, record, values))

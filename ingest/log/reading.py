@@ -40,6 +40,7 @@ NO_MEMORY = (  # in its last words
     b"failed to map segment",
     b"Cannot allocate memory",
     b"memory allocation of",
+    b"can't start new thread",
     b"ValueError: field '",  # ... "is required for": from Python's compiler, of an import that memory ended in
 )
 
@@ -273,17 +274,19 @@ def _read(path: Path, target: Path, time: TimeSpec, attached: Sequence[dict[str,
     return {"format": entry.name, "holds": entry.holds, "rejections": rejections, **vars(contents)}
 
 
-class _WithoutPandas:
-    """pyarrow imports pandas wherever it is installed, for nothing here: half of the time that a small log takes."""
+class _Lean:
+    """pyarrow imports these wherever they are installed, for nothing here: half of the time that a small log takes."""
+
+    UNUSED = ("pandas", "cloudpickle")
 
     def find_spec(self, fullname: str, path: object, target: object = None) -> None:
-        if fullname == "pandas":
+        if fullname in self.UNUSED:
             raise ModuleNotFoundError(fullname)
 
 
 def main() -> None:
     """The child: an answer to each request, until there are no more."""
-    sys.meta_path.insert(0, _WithoutPandas())
+    sys.meta_path.insert(0, _Lean())
     with os.fdopen(os.dup(1), "w") as answers:
         os.dup2(2, 1)  # what a library prints is no answer
         for line in sys.stdin.buffer:

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from ingest.errors import DamageError
 from ingest.formats import EXTENDED, REMOTE, Frames, Log, Rejected, Rows
+from ingest.log.ahead import ahead
 from ingest.log.arrow import from_numpy, to_numpy
 from ingest.log.parameter_groups import announced
 
@@ -115,7 +116,7 @@ def write(path: Path, log: Log, attachments: Sequence[Attachment] = ()) -> Conte
         for attachment in attachments:
             writer.add_attachment(0, 0, attachment.name, attachment.media_type, attachment.data)
         blocks = _Blocks(writer)
-        for batch in log.batches():
+        for batch in ahead(log.batches()):
             blocks.add(batch)
         blocks.finish()
         _write_rejected(writer, log, blocks.last_ns)
