@@ -116,7 +116,8 @@ def write(path: Path, log: Log, attachments: Sequence[Attachment] = ()) -> Conte
         for attachment in attachments:
             writer.add_attachment(0, 0, attachment.name, attachment.media_type, attachment.data)
         blocks = _Blocks(writer)
-        for batch in ahead(log.batches()):
+        batches: Iterator[Frames | Rows] = log.batches()
+        for batch in ahead(batches):
             blocks.add(batch)
         blocks.finish()
         _write_rejected(writer, log, blocks.last_ns)
