@@ -21,7 +21,7 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 from pyarrow import types
 
-from ingest.formats import EARLIEST_NS, LATE_NS, Log, Rejected, Rows, most_unpacked
+from ingest.formats import EARLIEST_NS, LATE_NS, RATIO, Log, Rejected, Rows
 from ingest.formats._csv_clocks import LATEST_NS, UNITS_NS, Clock, Flags, Ints
 from ingest.formats._csv_dialect import SAMPLE_ROWS, UNIT_IN_NAME, Dialect, unique
 from ingest.formats._csv_numbers import Numerals
@@ -31,6 +31,7 @@ from ingest.formats._long_tables import LongTable, recognise_long
 
 VALUES = 4_000_000  # of a batch, at most
 ROWS = 100_000  # of a batch, at most
+LONG_LOG = 4 << 30  # bytes, unpacked, of a log that may be as small as it likes: about a minute of reading
 SHOWN = 64  # first bytes of a rejected row
 DAMAGE = (pa.ArrowException, OSError, ValueError, KeyError)  # pyarrow raises these for damaged bytes
 NO_TIME = np.iinfo(np.int64).min  # in place of a missing stamp or duration
@@ -63,6 +64,12 @@ class _Durations(Clock):
         return self.origin_ns + np.where(bad, 0, cells), bad
 
 
+def most_in_columns(size: int) -> int:
+    """Bytes that the columns of a file of `size` bytes may unpack to. A column that stands still takes no room: hours
+    of a hundred switches are a few megabytes."""
+    return max(LONG_LOG, RATIO * size)
+
+
 @dataclass
 class ArrowLog(Log):
     """A table of typed columns, read batch by batch in bounded memory."""
@@ -83,7 +90,7 @@ class ArrowLog(Log):
 
     def batches(self) -> Iterator[Rows]:
         """Rows in file order. Raises UnreadableLogError where none can be read, or their time not be recognised."""
-        left = most = most_unpacked(self.path.stat().st_size)
+        left = most = most_in_columns(self.path.stat().st_size)
         for table in self._tables():
             left -= table.nbytes
             if left < 0:

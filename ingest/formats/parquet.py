@@ -12,8 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import most_unpacked
-from ingest.formats._arrow_rows import DAMAGE, ROWS, ArrowLog, checked
+from ingest.formats._arrow_rows import DAMAGE, ROWS, ArrowLog, checked, most_in_columns
 
 MAGIC = b"PAR1"
 NUMBER = 8  # bytes
@@ -59,7 +58,7 @@ class ParquetLog(ArrowLog):
 
     def _refuse_bomb(self, index: pa.parquet.FileMetaData) -> None:
         """Before a row is read, where the index names more than any log of this size: zeros take no room."""
-        most = most_unpacked(self.path.stat().st_size)
+        most = most_in_columns(self.path.stat().st_size)
         if NUMBER * index.num_rows * index.num_columns > most:
             raise UnreadableLogError(
                 f"{self.path.name}: its {index.num_rows:,} rows of {index.num_columns:,} columns unpack to more than "

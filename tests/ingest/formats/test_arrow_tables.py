@@ -288,8 +288,8 @@ def test_a_parquet_file_with_a_damaged_group_keeps_those_before(tmp_path: Path) 
 
 
 def test_tables_of_zeros_are_stopped_at_a_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ingest.formats.ALWAYS", 1 << 20)
-    monkeypatch.setattr("ingest.formats.RATIO", 1)
+    monkeypatch.setattr("ingest.formats._arrow_rows.LONG_LOG", 1 << 20)
+    monkeypatch.setattr("ingest.formats._arrow_rows.RATIO", 1)
     table = pa.table({"t_s": np.arange(100_000.0), "T": np.zeros(100_000)})
     parquet, feather = tmp_path / "bomb.parquet", tmp_path / "bomb.feather"
     pa.parquet.write_table(table, parquet, use_dictionary=False, compression="zstd")
