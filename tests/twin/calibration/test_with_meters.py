@@ -50,8 +50,15 @@ def _mean_W(found: Calibration) -> float:
     return float(_heat_W(replace(found.network, name=every_law().name)).mean())
 
 
-TRUE_W = float(_heat_W(_all_times(every_law(), FACTOR)).mean())
-OFF_W = TRUE_W - float(_heat_W(every_law()).mean())  # of the motor file
+@pytest.fixture(scope="module")
+def true_W() -> float:
+    return float(_heat_W(_all_times(every_law(), FACTOR)).mean())
+
+
+@pytest.fixture(scope="module")
+def off_W(true_W: float) -> float:
+    """By which the motor file makes less."""
+    return true_W - float(_heat_W(every_law()).mean())
 
 
 def _test(gain: float = 0.0) -> Test:
@@ -69,20 +76,20 @@ def _test(gain: float = 0.0) -> Test:
     return replace(test, meters=(meter,))
 
 
-def test_a_power_meter_finds_the_size_of_losses_and_conductances() -> None:
+def test_a_power_meter_finds_the_size_of_losses_and_conductances(true_W: float, off_W: float) -> None:
     with_meter, without = calibrate(every_law(), [_test()]), calibrate(every_law(), [replace(_test(), meters=())])
-    assert abs(_mean_W(with_meter) - TRUE_W) < OFF_W / 3
-    assert abs(_mean_W(without) - TRUE_W) > 2 * OFF_W / 3
+    assert abs(_mean_W(with_meter) - true_W) < off_W / 3
+    assert abs(_mean_W(without) - true_W) > 2 * off_W / 3
     assert with_meter.mae_after[0, "P_el"] < 0.3 * with_meter.mae_before[0, "P_el"]
     path = next(i for i, e in enumerate(with_meter.estimates) if e.name.startswith("conductance.yoke-coolant"))
     assert with_meter.estimates[path].sd < without.estimates[path].sd
 
 
-def test_a_wrong_gain_of_the_meter_is_taken_from_the_meter() -> None:
+def test_a_wrong_gain_of_the_meter_is_taken_from_the_meter(true_W: float, off_W: float) -> None:
     found = calibrate(every_law(), [_test(gain=0.015)])
     at = next(i for i, p in enumerate(found.fit.model.parameters) if p.name == "meter.P_el.gain")
     assert found.fit.beta[at] == pytest.approx(0.015, abs=0.003)
-    assert abs(_mean_W(found) - TRUE_W) < OFF_W / 3
+    assert abs(_mean_W(found) - true_W) < off_W / 3
 
 
 def test_the_rows_of_a_meter_are_shares_of_the_heat_that_it_reads() -> None:
