@@ -86,7 +86,8 @@ class LedgerIndex:
         self.position, self.digest = known.position, known.digest
 
     def __del__(self) -> None:
-        self._connection.close()
+        with suppress(AttributeError):  # interrupted before it was there
+            self._connection.close()
 
     @classmethod
     def load(cls, path: Path, stamp: Stamp | None) -> LedgerIndex | None:

@@ -119,6 +119,10 @@ def test_facts_that_are_looked_up_are_those_that_all_events_give(tmp_path: Path,
             assert_as_folded(facts_module.at(ledger), facts_module.fold(ledger.events()))
 
 
+def test_an_index_that_was_interrupted_before_it_was_made_ends_in_silence() -> None:
+    LedgerIndex.__new__(LedgerIndex).__del__()
+
+
 def test_where_something_was_taken_back_every_event_is_read(written: Path) -> None:
     with closing(Ledger(written, write=True)) as ledger:
         one = facts_module.at(ledger).session("s3")
