@@ -22,6 +22,7 @@ import duckdb
 
 from analytics.errors import AnalyticsError, LostFileError, QueryError, RefusedQueryError
 from analytics.warehouse import MACROS, MEMORY, VIEWS, Warehouse, refresh
+from ingest.texts.names import each_once
 from ingest.texts.nearest import nearest
 
 if TYPE_CHECKING:
@@ -74,7 +75,7 @@ def run(
     except duckdb.Error as error:
         raise _explained(error) from None
     return QueryResult(
-        columns=_unique([name for name, _ in columns]),
+        columns=each_once([name for name, _ in columns]),
         types=tuple(kind for _, kind in columns),
         rows=rows[:limit],
         more=limit is not None and len(rows) > limit,
@@ -199,13 +200,6 @@ def _nodes(tree: Any) -> Iterator[dict[str, Any]]:
 
 def _first_words(sql: str) -> str:
     return " ".join(re.sub(r"--[^\n]*|/\*.*?\*/", " ", sql, flags=re.DOTALL).split()[:2])[:40]
-
-
-def _unique(names: list[str]) -> tuple[str, ...]:
-    """`a, a` as `a, a_2`."""
-    return tuple(
-        name if name not in names[:i] else f"{name}_{names[: i + 1].count(name)}" for i, name in enumerate(names)
-    )
 
 
 def _explained(error: duckdb.Error) -> AnalyticsError:

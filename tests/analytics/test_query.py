@@ -291,8 +291,8 @@ def test_no_more_rows_are_made_than_are_given(connection: duckdb.DuckDBPyConnect
 
 
 def test_columns_of_the_same_name_are_told_apart(connection: duckdb.DuckDBPyConnection) -> None:
-    result = run(connection, "SELECT 1 AS a, 'x' AS a, 2 AS b")
-    assert result.columns == ("a", "a_2", "b")
+    result = run(connection, "SELECT 1 AS a, 'x' AS a, 2 AS a_2")
+    assert result.columns == ("a", "a_3", "a_2")
     assert result.types == ("INTEGER", "VARCHAR", "INTEGER")
 
 
