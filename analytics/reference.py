@@ -17,7 +17,8 @@ at that event or time. A query gets 60 s (`--seconds`), a million rows (`--rows`
 meets a limit says which. Where a Parquet file is missing or cannot be read, a line (`left_out` with `--json`) says
 which, and how to make it again. Where a file that a query reads is not, byte for byte, the one that its event names,
 there is no answer but a line that names it. In a notebook all files are held against their events as the store is
-opened; of files in a bucket, of which a question fetches parts, only `whyhot verify --read` does so. The dialect is [DuckDB's](https://duckdb.org/docs/stable/sql/introduction).
+opened; of files in a bucket, of which a question fetches parts, only `whyhot verify --read` does so. The dialect is
+[DuckDB's](https://duckdb.org/docs/stable/sql/introduction).
 
 This page is generated: `python -m analytics.reference > docs/sql.md`.
 """
