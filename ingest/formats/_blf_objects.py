@@ -270,7 +270,8 @@ def _read(stream: bytes, layout: np.dtype[np.void], read: Read, at: Ints, header
     for problem, there in ((SHORT, present < 0), (CHANNEL, part["bus"] > 0xFF), (LONG, length > LONGEST_PAYLOAD)):
         why[there] = problem
     length[flags & REMOTE != 0] = 0
-    values = (why, part["bus"], part["id"] & ID_BITS, flags, at + header + layout.itemsize, length, present)
+    source = at + header + layout.itemsize
+    values: tuple[NDArray[Any], ...] = (why, part["bus"], part["id"] & ID_BITS, flags, source, length, present)
     return {name: value.astype(FIELDS[name], copy=False) for name, value in zip(FIELDS, values, strict=True)}
 
 
