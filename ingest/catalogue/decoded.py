@@ -20,7 +20,7 @@ from ingest.facts.bucket import Place
 from ingest.facts.events import DecodeCompleted
 from ingest.facts.facts import Facts
 from ingest.texts.guessing import guess, unit_in_name
-from ingest.texts.quantities import Conversion, converter
+from ingest.texts.quantities import STORED_UNIT, Conversion, converter
 
 if TYPE_CHECKING:
     from ingest.facts.store import Store
@@ -156,10 +156,11 @@ def _of_bench(bench: Bench, decode: DecodeCompleted) -> list[ChannelSource]:
 
 def _guess(entry: Entry) -> ResolvedChannel:
     """A signal that no bench file speaks of: of the guessed quantity where its unit fits that, else of none. The unit
-    is the file's, or what the name ends in."""
+    is the file's, or what the name ends in, or, where nothing says it, the one that logs without units are in."""
     name = entry["name"]
-    unit = entry["unit"] or unit_in_name(name) or ""
-    quantity = entry["quantity"] or guess(name, unit) or ""
+    said = entry["unit"] or unit_in_name(name) or ""
+    quantity = entry["quantity"] or guess(name, said) or ""
+    unit = said or STORED_UNIT.get(quantity, "")
     try:
         conversion = converter(unit, quantity)
     except UnitError:

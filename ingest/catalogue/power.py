@@ -18,7 +18,9 @@ MEANT = 0.20  # share of it from which a quotient of powers is an efficiency and
 METERS = 0.02  # of the mechanical power: what torque and power meters of a bench agree to
 IMPOSSIBLE = 0.10  # share of loaded blocks with loss below zero that no transient explains
 OPPOSED = 0.50  # share of loaded blocks that take in both powers, as a motor does for moments while it brakes
+AMPLITUDES = (0.40, 0.51)  # the quotient where voltages and currents are amplitudes, of a motor of 80 to 102 %
 JOULE_PER_KWH = 3.6e6
+DQ_POWER = "3 (Ud Id + Uq Iq), rms"
 CELLS = 6  # of the efficiency map, each way, at most
 
 Array = NDArray[np.float64]
@@ -47,8 +49,14 @@ class PowerBalance:
     opposed_share: float  # of the loaded time, where one power is above zero and the other below
     ratio: float | None  # median of mechanical / electrical power where the motor drives under load
     efficiency: tuple[EfficiencyCell, ...]
-    possible: bool  # neither share is more than a transient explains
+    possible: bool  # neither share is more than a transient explains, and no amplitude was taken for an rms value
     says: str
+
+    @property
+    def amplitudes(self) -> bool:
+        """Whether half of the electrical power would be right, as where voltages and currents are amplitudes."""
+        least, most = AMPLITUDES
+        return self.electrical_from == DQ_POWER and self.ratio is not None and least <= self.ratio <= most
 
 
 def balance(channels: Sequence[ChannelData]) -> PowerBalance | None:
@@ -75,7 +83,7 @@ def _electrical(
     dq = [find(channels, name) for name in ("voltage_d", "current_d", "voltage_q", "current_q")]
     if all(dq):
         used = [channel for channel in dq if channel]
-        return "3 (Ud Id + Uq Iq), rms", used, lambda v: 3.0 * (v[0] * v[1] + v[2] * v[3])
+        return DQ_POWER, used, lambda v: 3.0 * (v[0] * v[1] + v[2] * v[3])
     dc = [channel for name in ("voltage_dc", "current_dc") if (channel := find(channels, name))]
     if len(dc) == 2:
         return "DC link voltage x current, inverter losses included", dc, lambda v: v[0] * v[1]
@@ -106,6 +114,7 @@ def _balance(name: str, grid: Aligned, electrical: Array) -> PowerBalance:
         possible=impossible <= IMPOSSIBLE and opposed <= OPPOSED,
         says="",
     )
+    found = replace(found, possible=found.possible and not found.amplitudes)
     return replace(found, says=_says(found))
 
 
@@ -137,7 +146,7 @@ def _efficiency(
 
 
 def _says(found: PowerBalance) -> str:
-    """One sentence: that it balances, or which of sign and scale cannot be true."""
+    """One sentence: that it balances, or which of sign, scale and convention cannot be true."""
     if found.loaded_h == 0.0:
         return "no mechanical power: nothing to balance"
     if found.possible:
@@ -149,6 +158,12 @@ def _says(found: PowerBalance) -> str:
         return (
             f"electrical and mechanical power have opposite signs for {100 * found.opposed_share:.0f} % of the time "
             "under load: torque, speed or power has the wrong sign"
+        )
+    if found.amplitudes and found.ratio:
+        return (
+            f"the shaft gives only {100 * found.ratio:.0f} % of the electrical power while driving, and would give "
+            f"{200 * found.ratio:.0f} % if voltages and currents are amplitudes: then say so in the bench file, "
+            'convention = "peak"'
         )
     share = f"loss is below zero for {100 * found.impossible_share:.0f} % of the time under load"
     if found.ratio is not None and found.ratio > 1.0:

@@ -49,7 +49,8 @@ def morning_text(found: Morning, given: Sequence[str]) -> str:
 
 
 UNEXPLAINED = (
-    "no bench file says what the signals mean: they are guessed by name and unit (whyhot inspect --bench-draft)."
+    "no bench file says what the signals mean: they are guessed by name and unit, where the log has no units as rpm,"
+    " Nm, A, V and degC (whyhot inspect --bench-draft)."
 )
 
 

@@ -119,3 +119,16 @@ def test_time_without_samples_of_one_channel_is_left_out() -> None:
     power = channel("P", "power", (SHAFT + 500.0)[there], t_s=T[there])
     found = balanced([*machine(SHAFT)[:2], power])
     assert found.electrical_kWh - found.mechanical_kWh == pytest.approx(0.5 * there.sum() / 3600, rel=0.01)
+
+
+def test_amplitudes_that_were_taken_for_rms_values_are_told_by_half_the_efficiency() -> None:
+    into = SHAFT / 0.9  # 1.5 (Ud Id + Uq Iq) of amplitudes
+    dq = {"voltage_d": 0.0 * T, "current_d": 0.0 * T, "voltage_q": np.full(3600, 100.0), "current_q": into / 150.0}
+    recorded = [*machine(SHAFT)[:2], *(channel(name, name, value) for name, value in dq.items())]
+    found = balanced(recorded)
+    assert found.amplitudes and not found.possible
+    assert found.says == (
+        "the shaft gives only 45 % of the electrical power while driving, and would give 90 % if voltages and currents "
+        'are amplitudes: then say so in the bench file, convention = "peak"'
+    )
+    assert balanced(machine(2.0 * into)).says.startswith("power balances")  # a power meter knows no amplitudes

@@ -83,6 +83,14 @@ def test_it_works_without_a_store_and_without_a_bench_file(lab: Path, tmp_path: 
     assert not (tmp_path / "none").exists()
 
 
+def test_a_log_without_units_is_taken_as_in_rpm_and_newton_metres(tmp_path: Path, capsys: Capture) -> None:
+    rows = "\n".join(f"{t},{min(t, 60) * 50},80,{20 + t / 100:.2f}" for t in range(0, 1500, 5))
+    (tmp_path / "night.csv").write_text(f"time,motor_speed,torque,stator_winding\n{rows}\n", encoding="utf-8")
+    assert main(["morning", str(tmp_path), "--store", str(tmp_path / "none"), "--json"]) == 0
+    (session,) = json.loads(capsys.readouterr().out)["sessions"]
+    assert (session["kind"], session["kind_why"]) == ("s1", "3,000 rpm and 80 Nm held for 24 min")
+
+
 def test_with_ingest_the_logs_are_kept_and_compared_with_what_was_there(lab: Path, tmp_path: Path) -> None:
     shutil.copytree(lab / "store", tmp_path / "store")
     target, store = tmp_path / "answer.json", ("--store", str(tmp_path / "store"))
