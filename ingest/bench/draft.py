@@ -73,6 +73,7 @@ def draft_bench(
     why = settings.get("untimed")
     parts = [_HEAD.format(name=_comment(name)), _NO_TIME.format(why=_comment(why)) if why else ""]
     parts += [_entry(found[one], one, str(known[one]), found[one] in rivals) for one in inputs]
+    parts += [_phase_current(found, known, directory)]
     parts += [_NODES if places else ""]
     parts += [_entry(found[one], one, "temperature", False) for one in places]
     left = [signal for reference, signal in found.items() if reference not in known]
@@ -104,11 +105,35 @@ def _entry(signal: Signal, reference: str, quantity: str, shared: bool) -> str:
         f"unit = {_text(unit)}" + doubt,
     ]
     if quantity in PEAK:
-        lines.append(
-            'convention = "peak"' if peak else '# convention = "peak"         # where the log holds amplitudes'
-        )
+        lines.append(_convention(peak))
     if quantity == "temperature":
         lines.append(f'node = "{_node(_without_unit(signal.name))}"')
+    return "\n" + "\n".join(lines) + "\n"
+
+
+def _convention(peak: bool) -> str:
+    return 'convention = "peak"' if peak else '# convention = "peak"         # where the log holds amplitudes'
+
+
+def _phase_current(found: Mapping[str, Signal], known: Mapping[str, str | None], directory: Directory) -> str:
+    """The current that losses follow, from its parts along d and q: "" where it is recorded itself, or not each part
+    once and in one unit."""
+    parts = [[one for one, quantity in known.items() if quantity == axis] for axis in ("current_d", "current_q")]
+    if "current" in known.values() or directory.find("current") or [len(part) for part in parts] != [1, 1]:
+        return ""
+    (d,), (q,) = parts
+    unit, peak, doubt = _unit(found[d], "current_d")
+    written = [one if one.isascii() and one.isidentifier() else f"`{one}`" for one in (d, q)]
+    if _unit(found[q], "current_q") != (unit, peak, doubt) or any("`" in one for one in (d, q)):
+        return ""
+    lines = [
+        "[[derived]]                    # what copper losses follow",
+        'name = "current"',
+        'quantity = "current"',
+        f"unit = {_text(unit)}{doubt}",
+        _convention(peak),
+        f"expression = {_text(f'hypot({written[0]}, {written[1]})')}",
+    ]
     return "\n" + "\n".join(lines) + "\n"
 
 

@@ -29,7 +29,7 @@ TABLES = st.builds(Signal, NAMES, unit=UNITS)
 def test_a_draft_is_a_bench_file_that_fits_its_logs(signals: list[Signal]) -> None:
     text = draft_bench(signals, {}, "logs")
     bench = read_bench(text.encode("utf-8"), "draft.toml")
-    assert len(resolve(bench, signals)) == text.count("\n[[channel]]\n")
+    assert len(resolve(bench, signals)) == text.count("\n[[channel]]\n") + text.count("\n[[derived]]")
 
 
 TABLE = [
@@ -56,6 +56,18 @@ def test_a_draft_guesses_quantity_unit_and_node() -> None:
         "ambient": ("temperature", "degC", "ambient", "input"),
         "TC_coolant": ("temperature", "degC", "coolant", "input"),
     }
+
+
+def test_the_current_of_losses_is_drafted_from_its_parts_where_nothing_records_it() -> None:
+    parts = [Signal("i_d", unit="Apk"), Signal("i q", unit="Apk")]
+    (*_, current) = resolve(read_bench(draft_bench(parts, {}, "a.csv").encode(), "draft.toml"), parts)
+    assert current.derived
+    assert (current.name, current.quantity, current.unit) == ("current", "current", "Apk")
+    assert current.conversion.scale == pytest.approx(0.5**0.5)
+    assert 'expression = "hypot(i_d, `i q`)"' in draft_bench(parts, {}, "a.csv")
+    for more in (Signal("I_rms", unit="A"), Signal("id_2", unit="A"), Signal("current")):
+        assert "[[derived]]" not in draft_bench([*parts, more], {}, "a.csv")
+    assert "[[derived]]" not in draft_bench([parts[0], Signal("iq", unit="kA")], {}, "a.csv")
 
 
 @pytest.mark.parametrize(
