@@ -86,13 +86,13 @@ def _paragraphs(label: str, paragraphs: Sequence[str]) -> list[str]:
 def _ending(diagnosis: Diagnosis) -> Iterator[tuple[str, Sequence[str]]]:
     """The middle of the page: label, paragraphs."""
     match verdict.ending(diagnosis):
-        case Ending.NAMED:
+        case Ending.NAMED | Ending.UNKNOWN:
             for cause in diagnosis.causes:
                 yield from _cause(diagnosis, cause)
+            if not diagnosis.causes:
+                yield "Named cause", ["none"]
         case Ending.AGREES | Ending.CANNOT_TELL:
             yield "Named cause", ["none", sentences.details(diagnosis)]
-        case Ending.UNKNOWN:
-            yield "Named cause", ["none"]
     for heat in diagnosis.unknown:
         names = words.joined([words.name(name) for name in heat.goes_with])
         goes_with = f"It goes with {names}. " if names else ""

@@ -38,7 +38,8 @@ def _found(diagnosis: Diagnosis) -> str:
         case Ending.NAMED:
             return _named(diagnosis)
         case Ending.UNKNOWN:
-            return verdict.something(diagnosis.unknown[0])
+            beside = words.counted(len(diagnosis.causes), "fault") + " of the record" if diagnosis.causes else ""
+            return ", beside ".join(filter(None, [verdict.something(diagnosis.unknown[0]), beside]))
         case Ending.AGREES:
             return _agrees(diagnosis)
         case Ending.CANNOT_TELL:
@@ -72,6 +73,8 @@ def details(diagnosis: Diagnosis) -> str:
             first, *more = diagnosis.unknown
             start = "The candidates " if first.patchwork else ""
             told = [words.capital(start + verdict.unexplained(first)), *map(verdict.unknown_sentence, more), *told]
+            faults = "; ".join(cause.says for cause in diagnosis.causes)
+            told += [f"Left out as faults of the record: {faults}."] if faults else []
         case Ending.AGREES:
             told.append(f"{diagnosis.candidates:,} candidates tried, {_best(diagnosis)}.")
         case Ending.CANNOT_TELL:

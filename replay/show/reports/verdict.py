@@ -48,8 +48,9 @@ class NodeError:
 
 
 def ending(diagnosis: Diagnosis) -> Ending:
-    """Which of the four endings this is; a named cause goes before a heat that is left unknown."""
-    if diagnosis.causes:
+    """Which of the four endings this is; a named cause goes before a heat that is left unknown, and that before faults
+    of the record, which were left out and explain nothing of what the model gets wrong."""
+    if diagnosis.fitted_with or (diagnosis.causes and not diagnosis.unknown):
         return Ending.NAMED
     if diagnosis.unknown:
         return Ending.UNKNOWN

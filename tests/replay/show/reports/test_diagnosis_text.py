@@ -448,6 +448,11 @@ def test_samples_that_were_left_out_are_named_but_no_fit_is_with_them() -> None:
         "Magnet loss grows with speed squared and current squared, and 1 more cause: on kept"
     )
     assert "with the cause" in flat(diagnosis_text(both)) and "1 without the cause, 0 with it" in how_many(both)
+    unnamed = replace(UNKNOWN, causes=[held])
+    assert ending(unnamed) is Ending.UNKNOWN, "what was left out explains no error"
+    assert "when it is 90 to 140 °C and speed is 3,000 to 6,000 rpm, beside 1 fault of the record" in answer(unnamed)
+    assert "Left out as faults of the record: the sensor at magnet repeats old values." in answer(unnamed)
+    assert "Named cause sensor.magnet.hold" in flat(diagnosis_text(unnamed))
 
 
 @pytest.mark.parametrize(("value", "says"), [(0.97, "97 %"), (0.9999, "over 99 %"), (0.0001, "under 1 %")])
