@@ -150,6 +150,7 @@ def _cites(event: Event, beside: Mapping[str, str] = NOTHING) -> Iterator[Cited]
             yield Cited(event.covariance, f"covariance of calibration {event.calibration}")
         case DiagnosisCompleted():
             yield Cited(event.artefact, f"document of diagnosis {event.diagnosis}")
+            yield from (Cited(sha256, f"file that diagnosis {event.diagnosis} tried") for sha256 in event.files)
         case InspectionRecorded():
             yield Cited(event.sha256, f"{event.name} of specimen {event.specimen}")
         case AgeingAssessed():

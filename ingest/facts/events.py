@@ -248,12 +248,14 @@ class GainMeasured(Event):
 
 
 class DiagnosisCompleted(Event):
-    """`diagnosis-<id>`: a diagnosis is sealed. `artefact`: SHA-256 of its document (JSON, `whyhot.diagnosis/1`)."""
+    """`diagnosis-<id>`: a diagnosis is sealed. `artefact`: SHA-256 of its document (JSON, `whyhot.diagnosis/1`);
+    `files`: of the motor and bench files that it tried on the kept sessions and does not offer."""
 
     diagnosis: str  # = hash of `key`
     key: Annotated[Json, {"train": list[str], "kept": list[str], "benches": list[str], "model": str, "code": str}]
     artefact: str
     summary: Annotated[Json, {"motor": str, "causes": list[str], "benches": Annotated[Json, {"of_model": OfModel}]}]
+    files: list[str] = field(default_factory=list)
 
 
 class CauseAccepted(Event):

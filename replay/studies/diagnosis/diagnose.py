@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ingest.facts.events import (
+    BenchRegistered,
     CauseNamed,
     DiagnosisCompleted,
     Event,
@@ -203,8 +204,19 @@ def _keep(question: Question, answer: Diagnosis, key: dict[str, Any]) -> None:
     summary: dict[str, Any] = {"motor": answer.motor, "causes": [c.id for c in answer.causes]}
     if question.benches:
         summary[MADE] = {"of_model": _benches(answer, question)}
-    facts_of.append((name, DiagnosisCompleted(diagnosis=answer.diagnosis, key=key, artefact=artefact, summary=summary)))
+    completed = DiagnosisCompleted(
+        diagnosis=answer.diagnosis, key=key, artefact=artefact, summary=summary, files=_tried(question, facts_of)
+    )
+    facts_of.append((name, completed))
     store.ledger.append_all(facts_of)
+
+
+def _tried(question: Question, facts_of: Sequence[tuple[str, Event]]) -> list[str]:
+    """The files that were written and are of no fact: neither of one of `facts_of` nor of an earlier one."""
+    offered = {event.model for _, event in facts_of if isinstance(event, ModelPublished)}
+    offered |= {event.sha256 for _, event in facts_of if isinstance(event, BenchRegistered)}
+    known = offered | question.facts.models.keys() | question.facts.benches.keys()
+    return [sha256 for sha256 in dict.fromkeys(question.written) if sha256 not in known]
 
 
 def _benches(answer: Diagnosis, question: Question) -> dict[str, dict[str, str]]:

@@ -51,7 +51,7 @@ def version(
     fit = expressible(found, places, {o.name for o in campaign.observed if o.bus in driving})
     network = network_of(fit, campaign.monomials)
     data, name = store.archive.read(question.model), facts.models[question.model].file
-    motor = store.archive.seal(written(data, name, network, note))
+    motor = question.seal(written(data, name, network, note))
     own = readings(found, fit, places)
     learnt = [replace(c, weights=own.weights.get(c.name, c.weights)) for c in campaign.observed]
     amounts: dict[actions.OnBench, float] = {}
@@ -69,7 +69,7 @@ def version(
         weights = {c: shares for c, shares in own.weights.items() if said.has(c)}
         after = corrected(before, parent.name, in_order(said.corrections(amounts)), note, weights, at_ns)
         if after != before:
-            benches[sha256] = store.archive.seal(after)
+            benches[sha256] = question.seal(after)
     return Version(motor, next(iter(benches.values()), None), benches)
 
 

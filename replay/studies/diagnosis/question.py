@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ingest.catalogue.channels import ChannelData, load
@@ -28,7 +28,8 @@ RIPPLE = Monomial((("current", 2.0),))  # the law of the rotor's everyday heat a
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked: the sessions to learn from and the kept ones, the model and level."""
+    """What is asked: the sessions to learn from and the kept ones, the model and level. `written`: SHA-256 of the files
+    that answering it has sealed so far."""
 
     store: Store
     facts: Facts
@@ -36,12 +37,18 @@ class Question:
     kept: Sequence[SessionRecorded]
     model: str
     level: str
+    written: list[str] = field(default_factory=list, compare=False)
 
     @property
     def benches(self) -> dict[str, BenchRegistered]:
         """The bench files of all sessions, as they are current, by their SHA-256."""
         found = (self.facts.bench_of(session) for session in (*self.train, *self.kept))
         return {bench.sha256: bench for bench in found if bench is not None}
+
+    def seal(self, text: bytes) -> str:
+        """The SHA-256 of a motor or bench file that an answer tries, sealed."""
+        self.written.append(self.store.archive.seal(text))
+        return self.written[-1]
 
 
 def check(train: Sequence[SessionRecorded], kept: Sequence[SessionRecorded]) -> None:

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from ingest.bench.bench_file import Bench, read_bench
 from ingest.facts import facts as ledger_facts
-from ingest.facts.events import ReplayCompleted
+from ingest.facts.cited import _cites
+from ingest.facts.events import BenchRegistered, DiagnosisCompleted, ModelPublished, ReplayCompleted
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from plant.hidden_effect import EFFECT, KEEP, LEARN
@@ -23,6 +24,8 @@ from replay.engine.files.motor_file import read_motor
 from replay.engine.results.run import Run
 from replay.engine.results.sealed import load_run
 from replay.engine.runs.campaign import replay_sessions
+from replay.studies.diagnosis import diagnose
+from replay.studies.diagnosis.question import Question
 from twin.diagnosis.expressible import expressible
 from twin.fitting.fit import Fit
 from twin.fitting.model import Model, Test
@@ -346,6 +349,19 @@ def test_once_accepted_a_kept_session_replays_with_the_extended_model_and_better
 
 def test_the_store_is_intact_after_a_diagnosis(diagnosed: Path) -> None:
     assert main(["verify", "--read", "--store", str(diagnosed)]) == 0
+
+
+def test_files_that_were_tried_and_are_not_offered_stand_in_the_fact(diagnosed: Path) -> None:
+    with Store.open(diagnosed) as opened:
+        question = Question(opened, known(diagnosed), [], [], "", "testing")
+    question.written.extend(["aaaa", "bbbb", "cccc", "cccc", *question.facts.models])
+    offered = [
+        ModelPublished(model="aaaa", motor="m", file="m.toml", parent=None),
+        BenchRegistered(sha256="bbbb", name="bench.toml", motor=None, model=None),
+    ]
+    assert diagnose._tried(question, [("stream", one) for one in offered]) == ["cccc"]
+    done = DiagnosisCompleted(diagnosis="dddd", key={}, artefact="eeee", summary={}, files=["cccc"])
+    assert [one.sha256 for one in _cites(done)] == ["eeee", "cccc"]
 
 
 # --- Replays of the files that it offers ------------------------------------------------------------------------------

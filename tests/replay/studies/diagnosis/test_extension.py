@@ -56,6 +56,7 @@ def test_what_was_learnt_with_channels_exchanged_is_said_of_the_channel_that_rea
     named = Refit(lag, model.parameters[4], fit, 50.0, 9.0, 1.0, EvidenceSplit(50.0, np.zeros(0), 0.0))
     made = version(question, campaign, fit, [named], [Swap(swap, 90.0)], "By a test.")
     assert made.motor == question.model  # nothing of the motor was learnt
+    assert question.written == [made.motor, made.bench]
     assert made.bench is not None
     bench = read_bench(question.store.archive.read(made.bench), "bench.toml")
     assert bench.corrections[0].cause == "sensor.yoke.swap_magnet"
