@@ -44,12 +44,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class CellDifference:
-    """A cell of operating points: its edges by quantity ("speed": (low, high)), in stored units."""
+    """A cell of operating points: its edges by quantity ("speed": (low, high)), in stored units. `first`, `second`: the
+    mean of each run there."""
 
     cell: Mapping[str, tuple[float, float]]
     minutes: float
-    difference: float
+    first: float
+    second: float
     explained: tuple[float, float]
+
+    @property
+    def difference(self) -> float:
+        return self.second - self.first
 
     @property
     def beyond(self) -> float:
@@ -138,7 +144,7 @@ def _difference(
     if one.spec.quantity in ANSWERS and one.spec.quantity not in matched.by:
         low, high = -causes.slack * np.abs(a), causes.slack * np.abs(a)
     floor = max(_floor(one, other, float(np.nanmax(np.abs(runs[0].means[name])))), max(earlier, default=0.0))
-    places = list(_places(runs[0], matched, known, b - a, low, high))
+    places = list(_places(runs[0], matched, known, (a, b, low, high)))
     worst, verdict = max(places, key=lambda place: abs(place.beyond)), "exceeds"
     if abs(worst.beyond) <= floor:
         worst = max(places, key=lambda place: abs(place.difference))
@@ -179,15 +185,16 @@ def _floor(one: ChannelData, other: ChannelData, largest: float) -> float:
 
 
 def _places(
-    run: RunBlocks, matched: Matched, known: NDArray[np.bool_], off: Array, low: Array, high: Array
+    run: RunBlocks, matched: Matched, known: NDArray[np.bool_], courses: tuple[Array, Array, Array, Array]
 ) -> Iterator[CellDifference]:
-    """The cells of operating points with LEAST_s of matched blocks, and all of them as one cell where none has."""
+    """The cells of operating points with LEAST_s of matched blocks, and all of them as one cell where none has;
+    `courses` (P,): the first run, the second, and the least and greatest difference that is explained."""
     axes = [run.drive[name][matched.first] for name in matched.by]
     edges = [round_edges(axis, most) for axis, most in zip(axes, (COLUMNS, ROWS), strict=False)]
-    number = np.zeros(len(off), np.int64)
+    number = np.zeros(len(known), np.int64)
     for axis, edge in zip(axes, edges, strict=True):
         number = number * (len(edge) + 1) + np.searchsorted(edge, axis)
-    whole = CellDifference({}, known.sum() * matched.block_s / 60, *_mean(off, low, high, known))
+    whole = CellDifference({}, known.sum() * matched.block_s / 60, *_means(courses, known))
     found = False
     for cell in np.unique(number[known]):
         here = known & (number == cell)
@@ -199,13 +206,16 @@ def _places(
             for name, axis, edge in zip(matched.by, axes, edges, strict=True)
             for k in [int(np.clip(np.searchsorted(edge, axis[at]), 1, len(edge) - 1))]
         }
-        yield CellDifference(sides, here.sum() * matched.block_s / 60, *_mean(off, low, high, here))
+        yield CellDifference(sides, here.sum() * matched.block_s / 60, *_means(courses, here))
     if not found:
         yield whole
 
 
-def _mean(off: Array, low: Array, high: Array, here: NDArray[np.bool_]) -> tuple[float, tuple[float, float]]:
-    return float(off[here].mean()), (float(low[here].mean()), float(high[here].mean()))
+def _means(
+    courses: tuple[Array, Array, Array, Array], here: NDArray[np.bool_]
+) -> tuple[float, float, tuple[float, float]]:
+    first, second, low, high = (float(course[here].mean()) for course in courses)
+    return first, second, (low, high)
 
 
 @dataclass(frozen=True, eq=False)

@@ -90,6 +90,8 @@ def comparison_json(beside: Comparison) -> dict[str, Any]:
         entry["worst"] = {
             "cell": {name: list(edges) for name, edges in one.worst.cell.items()},
             "minutes": one.worst.minutes,
+            "first": one.worst.first,
+            "second": one.worst.second,
             "difference": one.worst.difference,
             "explained": list(one.worst.explained),
         }

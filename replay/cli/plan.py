@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -67,7 +68,18 @@ def run(args: argparse.Namespace) -> Answer:
         write_plan(found, args.out)
     written = [f"{args.out}   the day, a row a second"] if args.out else []
     data = {**document(found), "notes": left, "provenance": origin}
-    return Answer(data, plan_text(found), notes=[*left, *written])
+    return Answer(data, plan_text(found, _onward(args)), notes=[*left, *written])
+
+
+def _onward(args: argparse.Namespace) -> str:
+    """The day and what it promises as files, or what to do with them."""
+    if args.out:
+        return f"run {args.out} on the bench, then whyhot ingest FILE --bench FILE"
+    words = ["--tests", *map(str, args.tests), "--bench", str(args.bench)] if args.tests else ["--sessions", *args.on]
+    said = {"--motor": args.model, "--level": args.level, "--hours": f"{args.hours:g}"}
+    words += [word for flag, value in said.items() if value for word in (flag, value)]
+    words += ["--cause", *args.cause] if args.cause else []
+    return f"the day as a file: {shlex.join(['whyhot', 'plan', *words, '--out', 'day.csv', '--json', 'plan.json'])}"
 
 
 def _of_tests(args: argparse.Namespace) -> Planned:

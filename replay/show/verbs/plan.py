@@ -83,8 +83,8 @@ def _best(best: Best) -> list[dict[str, Any] | None]:
     return [{"what": what, "usual_d": d} if what else None for what, d in pairs]
 
 
-def plan_text(found: Planned) -> str:
-    """What `whyhot plan` prints. No colours, no trailing newline."""
+def plan_text(found: Planned, onward: str) -> str:
+    """What `whyhot plan` prints, `onward` as its next command. No colours, no trailing newline."""
     lines = labelled("Answer", answer(found))
     if found.listed:
         lines += labelled("Not run", UNMEASURED)
@@ -96,7 +96,7 @@ def plan_text(found: Planned) -> str:
     if found.day.refused:
         count, (test, why) = len(found.day.refused), found.day.refused[0]
         lines += labelled("Cannot be run", f"{words.counted(count, 'test')} of those looked at, such as {test}: {why}")
-    return "\n".join(lines)
+    return "\n".join([*lines, "", f"next: {onward}"])
 
 
 def answer(found: Planned) -> str:

@@ -12,8 +12,9 @@ DEFAULT_STORE = Path("whyhot-store")
 BETWEEN = " · "  # several commands of one line; what is to be done by hand stands before the command
 NEXT = re.compile(r"^(next: |(?:Next|Then) {2,})(.*(?:\n {2,}\S.*)*)$", re.MULTILINE)
 VERB = re.compile(r"\bwhyhot ([a-z]+)(?![^`·]* --store )(?= |$)")  # one that names no store itself
-# what mends a store, and what shows a diagnosis
-SAID = re.compile(r"(?:(?<=`)|(?<=next: ))whyhot (?:rebuild|verify|upgrade|report)(?![^`]* --store )(?=[ `;]|$)")
+# what lists or mends a store, and what shows a diagnosis
+OF_STORE = "sessions|sql|rebuild|verify|upgrade|report"
+SAID = re.compile(rf"(?:(?<=`)|(?<=next: ))whyhot (?:{OF_STORE})(?![^`]* --store )(?=[ `;]|$)")
 
 
 def onward(text: str, store: Path = DEFAULT_STORE) -> str:

@@ -8,7 +8,7 @@ import pytest
 
 from ingest.errors import IngestError
 from ingest.morning.differences import beyond_of
-from ingest.morning.repeat import Comparison, lay
+from ingest.morning.repeat import Comparison, comparison_json, lay
 from made.channels import channel
 from made.repeated import run
 
@@ -35,6 +35,9 @@ def test_a_sensor_that_reads_too_much_exceeds_its_floor_and_no_other_does() -> N
     assert one.difference == pytest.approx(3.0, abs=0.2)
     low, high = one.worst.explained
     assert high < 1.5 and low <= 0.0
+    said = next(said for said in comparison_json(beside)["channels"] if said["channel"] == "T_winding")["worst"]
+    assert said["second"] - said["first"] == said["difference"] == pytest.approx(3.0, abs=0.5)
+    assert 20.0 < said["first"] < 150.0
 
 
 def test_a_weaker_film_exceeds_the_floor_where_it_is_warm() -> None:

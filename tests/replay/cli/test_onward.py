@@ -86,6 +86,7 @@ def test_commands_too_long_for_one_line_have_one_each() -> None:
             "no backup: `whyhot restore BACKUP --store NEW` makes one",
         ),
         ("It is a diagnosis: `whyhot report d-1`", "It is a diagnosis: `whyhot report --store x d-1`"),
+        ("`whyhot sessions` lists them", "`whyhot sessions --store x` lists them"),
         ("`whyhot motor check motor.toml` says more", "`whyhot motor check motor.toml` says more"),
         ("whyhot replay needs the package numba", "whyhot replay needs the package numba"),
     ],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from made.onward import next_commands
 from replay.cli import main
 
 BENCH = """schema = "whyhot.bench/1"
@@ -71,14 +73,25 @@ def test_the_file_is_taken_in_with_a_bench_file(bench: Path, answer: Mapping[str
     assert [one["duration_s"] for one in sessions] == pytest.approx([3600 * answer["day"]["hours"]], abs=2.0)
 
 
-def test_the_text_says_what_may_hide_and_what_to_run(
-    bench: Path, answer: Mapping[str, Any], capsys: pytest.CaptureFixture[str]
+def test_the_text_says_what_may_hide_what_to_run_and_the_command_that_writes_the_day(
+    bench: Path,
+    answer: Mapping[str, Any],
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.chdir(tmp_path)
     words = ["--sessions", "1_point", "2_drive", "--hours", "1", "--cause", answer["candidates"][0]["id"]]
     assert main(["plan", *words, "--store", str(bench / "store")]) == 0
     text = capsys.readouterr().out
     for part in ("Answer", "candidate causes", "The next bench day", "Heat", "of rest after each test"):
         assert part in text
+    (command,) = next_commands(text)
+    assert main(shlex.split(command)[1:]) == 0
+    written = capsys.readouterr().out
+    assert written.startswith(text[: text.index("next: ")])
+    assert next_commands(written) == [f"whyhot ingest --store {bench / 'store'} FILE --bench FILE"]
+    assert (tmp_path / "day.csv").exists() and (tmp_path / "plan.json").exists()
 
 
 @pytest.mark.parametrize(
