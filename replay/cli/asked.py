@@ -75,7 +75,8 @@ def ask_model(parser: argparse.ArgumentParser) -> None:
 
 
 def ask_level(parser: argparse.ArgumentParser, says: str = "channels that may be learnt from") -> None:
-    parser.add_argument("--level", choices=("testing", "production"), default="testing", help=says)
+    levels = "testing, all (the default), or production, those that series motors have too"
+    parser.add_argument("--level", choices=("testing", "production"), default="testing", help=f"{says}: {levels}")
 
 
 def ask_as_of(parser: argparse.ArgumentParser) -> None:
@@ -97,7 +98,7 @@ def as_of_note(as_of: str | None) -> list[str]:
 def ask_workers(parser: argparse.ArgumentParser) -> None:
     """Where the work is done."""
     where = parser.add_mutually_exclusive_group()
-    says = "processes (default 1); digests do not depend on it"
+    says = "processes (default 1); the answer is the same with any number"
     where.add_argument("--workers", type=count, default=1, metavar="N", help=says)
     says = "the dask scheduler of a cluster, as tcp://HOST:8786, whose workers do the work; see docs/scale.md"
     where.add_argument("--scheduler", metavar="URL", help=says)

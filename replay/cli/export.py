@@ -16,7 +16,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     from replay.exports.export import WRITERS
 
     parser.add_argument("session", metavar="S", help="the session, by name or id")
-    parser.add_argument("--to", choices=tuple(WRITERS), required=True, help="what to write: names, units, times in UTC")
+    parser.add_argument(
+        "--to", choices=tuple(WRITERS), required=True, help="what to write; each has names, units and times in UTC"
+    )
     says = "the file to write (default: the session's name); an existing one is not overwritten"
     parser.add_argument("-o", "--out", metavar="OUT", type=Path, help=says)
     says = "a CSV for the Excel of a country: its decimal sign, delimiter and dates (default: comma and point)"

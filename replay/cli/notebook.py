@@ -11,7 +11,7 @@ from replay.cli.answer import Answer, provenance, store_folder
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("name", metavar="NAME", nargs="?", help="the notebook (default: say which there are)")
-    says = "write it there instead: .ipynb for Jupyter, .py to change in marimo; an existing file is not overwritten"
+    says = "write it to this file: .ipynb for Jupyter, .py to change in marimo; an existing file is not overwritten"
     parser.add_argument("-o", "--out", metavar="OUT", type=Path, help=says)
     parser.set_defaults(refuse=parser.error)
 

@@ -14,7 +14,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     says = "model id, motor name or motor file that the replays are of (default: the last replay of each session)"
     parser.add_argument("--model", metavar="M", help=says)
     parser.add_argument(
-        "-o", "--out", metavar="FILE", type=Path, default=Path("report.html"), help="default: report.html"
+        "-o",
+        "--out",
+        metavar="FILE",
+        type=Path,
+        default=Path("report.html"),
+        help="the page to write (default: report.html)",
     )
 
 

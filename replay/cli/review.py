@@ -11,7 +11,12 @@ from replay.cli.answer import Answer, provenance, store_folder
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("diagnosis", metavar="DIAGNOSIS", help="id of a diagnosis, or its beginning, as d-4f0c")
     parser.add_argument(
-        "-o", "--out", metavar="FILE", type=Path, default=Path("review.html"), help="default: review.html"
+        "-o",
+        "--out",
+        metavar="FILE",
+        type=Path,
+        default=Path("review.html"),
+        help="the page to write (default: review.html)",
     )
 
 

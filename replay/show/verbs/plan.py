@@ -95,7 +95,7 @@ def plan_text(found: Planned, onward: str) -> str:
         lines += labelled("Observe", f"what would add most to this day [nat], the best first: {words.joined(told)}")
     if found.day.refused:
         count, (test, why) = len(found.day.refused), found.day.refused[0]
-        lines += labelled("Cannot be run", f"{words.counted(count, 'test')} of those looked at, such as {test}: {why}")
+        lines += labelled("Cannot be run", f"{words.counted(count, 'more test')}, such as {test}: {why}")
     return "\n".join([*lines, "", f"next: {onward}"])
 
 
@@ -152,7 +152,7 @@ def _usual_K(one: Detectable) -> float:
 
 def _chain(found: Planned) -> Iterator[str]:
     weighed = words.counted(found.day.weighed, "test")
-    head = f"The next bench day, {weighed} weighed; with what each adds to what is known [nat]"
+    head = f"The next bench day, the best of {weighed}: what each adds to what is known [nat], hours with its rest"
     yield from textwrap.wrap(head, width())
     for number, step in enumerate(found.day.steps, 1):
         head = f"{number}  {step.gain_nat:.3f}  {step.hours:.1f} h  {step.proposed.words}"
