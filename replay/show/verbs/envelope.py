@@ -44,7 +44,7 @@ MARKED = (
 
 
 def document(found: Envelope) -> dict[str, Any]:
-    """`whyhot.envelope/1`; `seconds` null for ever."""
+    """`whyhot.envelope/1`; `seconds` null where it is continuous."""
     return {
         "schema": "whyhot.envelope/1",
         "motor": found.network.name,
@@ -85,17 +85,17 @@ def envelope_text(found: Envelope) -> str:
 
 
 def answer(found: Envelope) -> str:
-    """The largest load that may be held for ever, at which speed, and what limits it."""
+    """The largest load that may be held continuously, at which speed, and what limits it."""
     name, unit = LOAD_NAMES[found.load_column]
-    for_ever = [(of_speed[0], rpm) for of_speed, rpm in zip(found.borders, found.speeds_rpm, strict=True)]
-    most, rpm = max(for_ever, key=lambda one: one[0].load)
+    held = [(of_speed[0], rpm) for of_speed, rpm in zip(found.borders, found.speeds_rpm, strict=True)]
+    most, rpm = max(held, key=lambda one: one[0].load)
     why = f"limited by the {words.name(most.node)}" if most.node else "the most that was recorded there"
     load, band = f"{most.load:.0f} {unit} of {name}", f"{most.low:.0f} to {most.high:.0f}"
-    return f"{found.network.name} can hold {load} for ever at {rpm:,.0f} rpm ({band}): {why}."
+    return f"{found.network.name} can hold {load} continuously at {rpm:,.0f} rpm ({band}): {why}."
 
 
 def duration(seconds: float) -> str:
-    return "for ever" if math.isinf(seconds) else f"{seconds:.0f} s"
+    return "continuous" if math.isinf(seconds) else f"{seconds:.0f} s"
 
 
 def _table(found: Envelope) -> Iterator[str]:
