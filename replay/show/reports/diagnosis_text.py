@@ -139,11 +139,14 @@ def _gain(diagnosis: Diagnosis) -> Iterator[str]:
         yield from _before_and_after(gains, of)
     else:
         yield " · ".join(_at(gain, of) for gain in gains)
-    outside = (
-        f"{100 * max(g.outside_trained_share for g in gains):.0f} % of the time at points that were not learnt from"
+    outside = f"{100 * max(g.outside_trained_share for g in gains):.0f}"
+    points = (
+        f"{outside} % of the time at operating points that were not"
+        if outside != "0"
+        else "at operating points that were"
     )
     interval = f"95 % intervals {gains[0].interval}; " if diagnosis.fitted_with else ""
-    yield f"{words.joined(diagnosis.held_out_names)}; {interval}{outside}"
+    yield f"{words.joined(diagnosis.held_out_names)}; {interval}{points} learnt from"
     yield from gain_notes(diagnosis)
 
 

@@ -228,10 +228,14 @@ def unexplained(heat: UnnamedHeat) -> str:
 
 
 def comes_from(evidence: EvidenceParts) -> str:
-    """ "1.9 fit, 17.2 priors relieved (mostly form of the losses in iron, 12.1), −2.5 rest"."""
+    """ "1.9 fit (readings are met more closely), 17.2 priors relieved (other numbers move less, mostly form of the
+    losses in iron: 12.1), −2.5 rest"."""
     most = next(((name, value) for name, value in evidence.relieved.items() if value >= LEAST_SHARE), None)
-    family = f" (mostly {most[0]}, {_tenths(most[1])})" if most else ""
-    return f"{fit_and_priors(evidence)}{family}, {_tenths(evidence.rest)} rest"
+    family = f", mostly {most[0]}: {_tenths(most[1])}" if most else ""
+    return (
+        f"{_tenths(evidence.fit)} fit (readings are met more closely), {_tenths(evidence.priors_relieved)} priors "
+        f"relieved (other numbers move less{family}), {_tenths(evidence.rest)} rest"
+    )
 
 
 def fit_and_priors(evidence: EvidenceParts) -> str:

@@ -419,7 +419,7 @@ def test_all_that_is_beyond_usual_stands_in_the_report_before_the_evidence(tmp_p
     with_cause = Tags(page(tmp_path, EXPLAINED, {})).text
     assert "what calibration had to do beside the cause" in with_cause
     assert "No longer beyond usual with the cause: form of the losses in iron" in with_cause
-    assert "Of its ln BF 310: 120.4 fit, 192.3 priors relieved" in with_cause
+    assert "120.4 fit (readings are met more closely), 192.3 priors relieved (other numbers" in with_cause
     assert "beyond usual" not in Tags(page(tmp_path, SILENT, {})).text
 
 

@@ -106,8 +106,8 @@ def test_the_gain_lists_better_worse_and_unchanged_nodes() -> None:
     ) in text
     assert "unchanged by the cause: endwinding a outer 0.7 K (fitted 0.3 K)" in text
     assert (
-        "4_s1 and 5_wltp; 95 % intervals within these sessions; 8 % of the time at points that were not learnt from"
-        in text
+        "4_s1 and 5_wltp; 95 % intervals within these sessions; 8 % of the time at operating points that were not "
+        "learnt from" in text
     )
     worse = "rotor surface 7.6 -> 0.5 -> 0.6 K (fitted 7.7 -> 0.5 -> 0.6 K, 0.1 worse (0.1 to 0.2))"
     assert worse in flat(diagnosis_text(NOT_IMPROVED))
@@ -515,7 +515,8 @@ def test_with_a_cause_what_is_left_is_told_and_what_the_cause_took_away() -> Non
 def test_a_ln_bf_is_printed_as_fit_and_priors_relieved() -> None:
     text = flat(diagnosis_text(EXPLAINED))
     assert (
-        "of that ln BF 120.4 fit, 192.3 priors relieved (mostly form of the losses in magnet, 150.0), −2.5 rest"
+        "of that ln BF 120.4 fit (readings are met more closely), 192.3 priors relieved (other numbers move less, "
+        "mostly form of the losses in magnet: 150.0), −2.5 rest"
     ) in text
     assert "loss.rotor_surface.speed3: ln BF 288 (120.4 fit, 192.3 priors relieved), 22 behind" in text
 
