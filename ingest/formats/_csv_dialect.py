@@ -52,7 +52,8 @@ class Dialect:
         kinds = zip(self.names, self.numeric, strict=True)
         names = {one: name(one, self.units.get(one), numeric is False) for one, numeric in kinds}
         units = {names[one]: unit for one, unit in self.units.items()}
-        return replace(self, names=tuple(names.values()), units=units)
+        renamed = {said: [names[one] for one in called] for said, called in self.renamed.items()}
+        return replace(self, names=tuple(names.values()), units=units, renamed=renamed)
 
 
 def cells(line: str, delimiter: str) -> list[str]:

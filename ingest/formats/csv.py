@@ -18,6 +18,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import ClassVar
 
@@ -74,15 +75,19 @@ class CsvLog(Log):
         """Rows in file order. Raises UnreadableLogError where the table, or its time, cannot be recognised."""
         self.settings["encoding"] = "utf-8"
         text = self._text()
-        for number, block in enumerate(text.blocks()):
+        held: list[str] = []  # of the block before
+        for number, (block, next_block) in enumerate(pairwise(chain(text.blocks(), [None]))):
             if text.utf_16:
                 self.settings["encoding"] = "utf-16"
-            lines = self._decoded(block, first=number == 0).split("\n")
+            lines = self._decoded(block or b"", first=number == 0).split("\n")
             lines = lines[:-1] if not lines[-1] else lines
-            lines = header_in_one_line([self._headed(lines[0]), *lines[1:]]) if number == 0 else lines
+            lines = header_in_one_line([self._headed(lines[0]), *lines[1:]]) if number == 0 else held + lines
             begin = self._begin(lines) if number == 0 else 0
             self._lines += begin
-            yield from self._tables(lines[begin:], cut=text.open_line and text.ended is not None)
+            last = next_block is None
+            end = len(lines) if last else _before_a_header(lines, begin)
+            held = lines[end:]
+            yield from self._tables(lines[begin:end], cut=last and text.open_line and text.ended is not None)
         if not self._lines:
             raise UnreadableLogError(
                 f"{self.path.name}: {text.ended or 'unpacks to 0 bytes'}: no row of it can be read. "
@@ -101,7 +106,7 @@ class CsvLog(Log):
         except UnicodeDecodeError:
             self.settings["encoding"] = "cp1252"
             text = decoded(block)
-        return text.replace("\r\n", "\n")
+        return text.replace("\r\n", "\n").replace("\ufeff", "")  # files joined to one have marks inside
 
     def _headed(self, line: str) -> str:
         """The first line of the file without the zeros above it, which a disk gives back for what is lost."""
@@ -371,6 +376,13 @@ def no_table(path: Path) -> str | None:
 def _is_row(line: str) -> bool:
     """Whether a line is a row: a blank one is not, nor one of types; one of tabs alone is a row of empty cells."""
     return line.strip(" \r") != "" and not TYPES_LINE.fullmatch(line)
+
+
+def _before_a_header(lines: Sequence[str], begin: int) -> int:
+    """The place among the last lines of a block, from `begin` on, where a header may stand whose units or rows are in
+    the next block; the number of lines where there is none."""
+    tail = max(begin, len(lines) - BELOW)
+    return next((tail + place for place in _no_number_first(lines[tail:])), len(lines))
 
 
 def _no_number_first(lines: Sequence[str]) -> list[int]:

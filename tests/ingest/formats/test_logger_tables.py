@@ -275,8 +275,12 @@ def test_another_table_below_the_first_is_read_with_its_own_times(tmp_path: Path
     assert (log.found, log.units, log.settings["further_tables"]) == (4, {"n": "rpm"}, ["line 5"])
 
 
-def test_a_header_that_comes_again_over_other_units_begins_another_table(tmp_path: Path) -> None:
+@pytest.mark.parametrize("block", [1 << 20, *range(110, 125)])  # of bytes: one ends with the header that comes again
+def test_a_header_that_comes_again_over_other_units_begins_another_table(
+    tmp_path: Path, block: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """As Yokogawa's recorders write it where a range was changed."""
+    monkeypatch.setattr("ingest.formats._text.BLOCK", block)
     path = tmp_path / "log.csv"
     path.write_text(
         '"CH/TAG","T","U"\n"UNIT","degC","mV"\n2025/03/14 08:00:00,20,-14\n2025/03/14 08:00:01,21,-15\n'
@@ -285,6 +289,18 @@ def test_a_header_that_comes_again_over_other_units_begins_another_table(tmp_pat
     log, _, columns = read(path)
     assert columns == {"T": [20, 21, 22], "U": [-14, -15], "U_2": [-0.014]}
     assert (log.units["U"], log.units["U_2"], list(log.rejected)) == ("mV", "V", [])
+    assert log.settings["further_tables"] == ["line 5"]
+
+
+def test_files_joined_to_one_are_read_through_their_marks(tmp_path: Path) -> None:
+    """Each with its own byte order mark and header; a delimiter at the end of each line makes a column without a name."""
+    path = tmp_path / "log.csv"
+    one = "\ufefft;T;n;\n0;20;5;\n1;21;6;\n"
+    path.write_text(one + one.replace("0;", "2;").replace("1;", "3;"))
+    log, t_ns, columns = read(path)
+    assert (t_ns, columns["T"], list(log.rejected)) == ([k * S_NS for k in range(4)], [20, 21, 22, 23], [])
+    path.write_text(one + one.replace("T", "T_2"))
+    assert read(path)[2]["T_2"] == [20, 21]
 
 
 @pytest.mark.parametrize(
