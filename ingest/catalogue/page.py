@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from ingest.catalogue import operating_points
+from ingest.catalogue import operating_points, power
 from ingest.catalogue.description import ChannelDescription, SessionDescription
 from ingest.catalogue.power import PowerBalance
 from ingest.catalogue.quality import seconds
@@ -52,7 +52,7 @@ def render(description: SessionDescription, width: int = 100) -> str:
     """The page of `whyhot show` as plain text of at most `width` columns."""
     findings = ["Look at", *description.findings] if description.findings else []
     blocks = [_heading(description), _sources(description), findings, _channels(description, width)]
-    blocks.append(["Power", *_power(description.power)])
+    blocks.append(["Power", *_power(description.power, description.channels)])
     if description.operating_points:
         blocks.append(
             ["Operating points", *operating_points.draw(description.operating_points, width - 2).splitlines()]
@@ -127,7 +127,7 @@ def _next(one: SessionDescription) -> str:
     """The command that follows, or what a replay of this session lacks."""
     name = shlex.quote(one.name)
     if one.bench is None:
-        return "no bench file says yet what these signals mean: whyhot ingest FILE... --bench bench.toml"
+        return "no bench file says yet what these signals mean: whyhot inspect FILE... --bench-draft bench.toml"
     if one.motor is None:
         return f'add motor = "motor.toml" to {one.bench} and ingest again, or whyhot replay {name} --model motor.toml'
     return f"whyhot replay {name}"
@@ -162,9 +162,11 @@ def _repeats(channel: ChannelDescription, *kinds: str) -> str:
     )
 
 
-def _power(found: PowerBalance | None) -> list[str]:
+def _power(found: PowerBalance | None, channels: Sequence[ChannelDescription]) -> list[str]:
     if found is None:
-        return ["not known: torque, speed or electrical power is not recorded"]
+        missing = power.lacking({one.quantity for one in channels if one.role != "ignored"})
+        verb = "is" if len(missing) == 1 else "are"
+        return [f"not known: {' and '.join(missing or power.PARTS)} {verb} not recorded{'' if missing else ' at once'}"]
     numbers = f"{found.electrical_kWh:.2f} kWh in, {found.mechanical_kWh:.2f} kWh at the shaft; see above"
     lines = [found.says if found.possible else numbers]
     lines.append(f"electrical power from {found.electrical_from}; {seconds(found.loaded_h * 3600)} under load")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +13,9 @@ from ingest.catalogue.operating_points import round_edges
 
 RPM = 2.0 * np.pi / 60.0  # rad/s
 BLOCK_s = 30.0  # signs are judged on means of this: one sample of lag between two meters is no finding
+PARTS = ("torque", "speed", "electrical power")
+DQ = ("voltage_d", "current_d", "voltage_q", "current_q")
+DC = ("voltage_dc", "current_dc")
 LOADED = 0.05  # share of the largest mechanical power from which a block tells anything of the balance
 MEANT = 0.20  # share of it from which a quotient of powers is an efficiency and not the offset of a torque meter
 METERS = 0.02  # of the mechanical power: what torque and power meters of a bench agree to
@@ -74,17 +77,24 @@ def balance(channels: Sequence[ChannelData]) -> PowerBalance | None:
     return _balance(name, grid, power_of(grid.values[2:])) if len(grid.t_ns) else None
 
 
+def lacking(quantities: Container[str | None]) -> list[str]:
+    """Which parts of a power balance channels of these quantities do not record."""
+    electrical = any(all(one in quantities for one in way) for way in (("power",), DQ, DC))
+    there = ("torque" in quantities, "speed" in quantities, electrical)
+    return [part for part, recorded in zip(PARTS, there, strict=True) if not recorded]
+
+
 def _electrical(
     channels: Sequence[ChannelData],
 ) -> tuple[str, list[ChannelData], Callable[[Sequence[Array]], Array]] | None:
     """What it is called, the channels it needs, and how it comes from their values [W]; None where there is none."""
     if power := find(channels, "power"):
         return f"channel {power.spec.name}", [power], lambda values: values[0]
-    dq = [find(channels, name) for name in ("voltage_d", "current_d", "voltage_q", "current_q")]
+    dq = [find(channels, name) for name in DQ]
     if all(dq):
         used = [channel for channel in dq if channel]
         return DQ_POWER, used, lambda v: 3.0 * (v[0] * v[1] + v[2] * v[3])
-    dc = [channel for name in ("voltage_dc", "current_dc") if (channel := find(channels, name))]
+    dc = [channel for name in DC if (channel := find(channels, name))]
     if len(dc) == 2:
         return "DC link voltage x current, inverter losses included", dc, lambda v: v[0] * v[1]
     return None

@@ -282,8 +282,8 @@ def _is_units_row(rows: Sequence[Sequence[str]], numerals: Numerals) -> bool:
 
 
 def _bare(unit: str) -> str:
-    """A unit without its brackets: `[degC]` and `(degC)` become `degC`."""
-    return unit[1:-1].strip() if unit[0] + unit[-1] in ("[]", "()") else unit
+    """A unit without its brackets: `[degC]`, `(degC)` and `{degC}` become `degC`."""
+    return unit[1:-1].strip() if unit[0] + unit[-1] in ("[]", "()", "{}") else unit
 
 
 def _is_numeric(column: Sequence[str], numerals: Numerals) -> bool | None:

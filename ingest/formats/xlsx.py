@@ -3,7 +3,8 @@
 python-calamine reads it: https://github.com/dimastbk/python-calamine (MIT, installed separately). Numbers, dates and
 times are those of the cells; what a text holds (numbers in German notation, stamps, units) is recognised as in CSV, the
 header too. Times of day alone, without a date in the sheet, count as seconds, as durations do. The sheet is the one
-that `[time] sheet` names, else the first with a table, hidden ones last; `settings["other_sheets"]` names the others.
+that `[time] sheet` names, else the first with a table, hidden ones last; `settings["other_sheets"]` names the others
+with a table.
 """
 
 from __future__ import annotations
@@ -102,12 +103,11 @@ class XlsxLog(CsvLog):
     def _open(self) -> None:
         library = _library(self.path.name)
         _check_size(self)
-        stated, name = self.time.sheet, None
+        stated = self.time.sheet
         try:
             self._book = Workbook(self.path, library)
             filled = [one for one in self._book.names if any(self._book.rows(one))]
-            if stated is None:
-                name = next((one for one in filled if self._is_table(one)), None)
+            tables = [one for one in filled if self._is_table(one)]
         except DAMAGE as error:
             raise _damaged(self.path.name, error) from None
         if stated is not None and stated not in filled:
@@ -117,8 +117,8 @@ class XlsxLog(CsvLog):
             )
         if not filled:
             raise UnreadableLogError(f"{self.path.name}: no sheet of it holds a cell: nothing to read. Save it again.")
-        self.settings["sheet"] = stated or name or filled[0]
-        if others := [one for one in filled if one != self.settings["sheet"]]:
+        self.settings["sheet"] = stated or (tables or filled)[0]
+        if others := [one for one in tables if one != self.settings["sheet"]]:
             self.settings["other_sheets"] = others
 
     def _is_table(self, sheet: str) -> bool:

@@ -23,7 +23,7 @@ from ingest.formats import recognise
 from ingest.intake.grouping import group_files
 from ingest.intake.making import LogFile, ReadLog, decode_logs, made_in, read_logs
 from ingest.intake.setup import Setup, keep_setup, kept_name, mend_setup, resolved
-from ingest.log import clock, j1939
+from ingest.log import clock, j1939, unread
 from ingest.log.specimens import Specimens
 from ingest.units.each import Workers
 
@@ -161,9 +161,11 @@ def _keep(store: Store, known: Facts, one: ReadLog, decode: DecodeCompleted, wor
         raise IngestError(f"{name}: changed while it was read: wait until it is whole, then ingest it again.")
     if decode.products:
         store.publish(made_in(work, decode), decode.decode)
-    flags = clock.findings(name, decode.settings.get("clock", {}), decode.absolute) + j1939.findings(
-        name, decode.settings
-    )
+    flags = [
+        *clock.findings(name, decode.settings.get("clock", {}), decode.absolute),
+        *j1939.findings(name, decode.settings),
+        *unread.findings(name, decode.settings),
+    ]
 
     def record() -> None:
         events = _news(ledger_facts.now(store.ledger, known), log, decode, size, flags)

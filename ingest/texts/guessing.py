@@ -21,14 +21,14 @@ _OF_UNIT: Mapping[str, str] = {  # quantity -> units that speak for it
     "capacitance": "F uF nF pF",
     "thermal_resistance": "K/W",
 }
-_BY_UNIT = {unit: quantity for quantity, units in _OF_UNIT.items() for unit in units.split()}
-# quantity -> what its names hold, in English, German, Italian and French; names are taken as `_lower_case_words_`
+_BY_UNIT = {unit: quantity for quantity, units in _OF_UNIT.items() for unit in units.split()} | {"lbf ft": "torque"}
+# quantity -> what its names hold, in English, German, Italian, French and Spanish; names are taken as `_lower_case_words_`
 _BY_NAME: Mapping[str, str] = {
     "temperature": "temp|therm|termo|celsius|_t_?c_",
-    "speed": "speed|spd|drehzahl|_rpm_|velocit|_giri|vitesse|^_n_|_nmot_|_omega_",
-    "torque": "torque|_trq_|_tq_|drehmoment|_moment_|coppia|couple|_md_",
-    "flow": "flow|durchfluss|volumenstrom|portata|debit|débit|_vdot_",
-    "power": "power|leistung|potenza|puissance|_pwr_|_p_?el",
+    "speed": "speed|spd|drehzahl|_rpm_|veloci[td]|_giri|vitesse|^_n_|_nmot_|_omega_",
+    "torque": "torque|_trq_|_tq_|drehmoment|_moment_|coppia|couple|_par_|_md_",
+    "flow": "flow|durchfluss|volumenstrom|portata|caudal|debit|débit|_vdot_",
+    "power": "power|leistung|potenza|potencia|puissance|_pwr_|_p_?el",
     "flux": "flux|verkettung|_psi_",
     "voltage_dc": "_[uv]_?dc_|(batt|hv|link|dc).*volt",
     "current_dc": "_i_?dc_|(batt|hv|link|dc).*curr",
@@ -36,9 +36,9 @@ _BY_NAME: Mapping[str, str] = {
     "voltage_q": "_[uv]_?q_",
     "current_d": "^_id_|_id_(?!$)|_i_d_",  # a last word `id` is a number in a list
     "current_q": "_i_?q_",
-    "voltage": "volt|spannung|tension",
-    "current": "current|_curr_|strom|corrente|courant|_i_?rms_|_iph_",
-    "resistance": "resistance|widerstand|resistenza",
+    "voltage": "volt|spannung|tensi[oó]n",
+    "current": "current|_curr_|strom|corrente|courant|corriente|_i_?rms_|_iph_",
+    "resistance": "resistance|widerstand|resisten[zc]",
     "counter": "counter|_cnt_|alive|_crc_",
     "state": "state|status|_mode_|fault|error|zustand|_stato_",
 }
@@ -63,7 +63,7 @@ def guess(signal: str, unit: str | None = None) -> str | None:
     known = normal_unit(without_mark(tidy(unit))[0]) if unit else None
     if known in (None, "1"):
         return _commanded(by_name or _place(name), name)
-    quantity = _BY_UNIT.get(known or "")
+    quantity = "temperature" if known == "F" and by_name == "temperature" else _BY_UNIT.get(known or "")
     if quantity and by_name and by_name.startswith(f"{quantity}_"):  # current -> current_d
         return _commanded(by_name, name)
     return _commanded(_refined(quantity, name, known or ""), name)
@@ -71,10 +71,14 @@ def guess(signal: str, unit: str | None = None) -> str | None:
 
 def unit_in_name(signal: str) -> str | None:
     """The unit that a name ends in, where it speaks for a quantity: "degC" of `EW_3_degC` and `T (°C)`, "A" of
-    `current_A`. None for `winding_A`, where a letter is more likely one of several places or phases."""
+    `current_A`; of `1 [°C] Winding` that in brackets. None for `winding_A`, where a letter is more likely one of
+    several places or phases."""
     inner = re.search(r"\(([^()]+)\)\s*$", signal)
     if inner:
         return inner[1] if normal_unit(inner[1]) in _BY_UNIT else None
+    within = (one[1] for one in re.finditer(r"[(\[]([^()\[\]]{2,})[)\]]", signal))
+    if unit := next((one for one in within if normal_unit(one) in _BY_UNIT), None):
+        return unit
     rest, _, last = signal.rpartition("_")
     if not rest or not (last in spellings() or last.lower() in _LOOSELY_SPELT):
         return None

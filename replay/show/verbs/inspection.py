@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ingest.intake.inspection import FoundSignal, InspectedFile, Inspection
+from ingest.log import unread
 from replay.show.words.words import counted, duration
 
 SHOWN = 40  # signals; the JSON has all
@@ -110,11 +111,8 @@ def _file_lines(one: InspectedFile) -> list[str]:
         lines.append(f"  {_long_table(long)}")
     if further := reading.settings.get("further_tables"):
         lines.append(f"  another table begins at {' and at '.join(further)}: read too, with its own times")
-    if "other_sheets" in reading.settings:
-        others = ", ".join(reading.settings["other_sheets"])
-        lines.append(f"  read of it: sheet {reading.settings['sheet']}, and not {others} ([time] sheet tells another)")
-    for name, cell in reading.settings.get("numbers_with_units", {}).items():
-        lines.append(f'  read as text and not as numbers: {name} ("{cell}"): export it without units in its cells')
+    left = unread.findings(one.path.name, reading.settings)
+    lines += [f"  {flag.says.removeprefix(f'{one.path.name}: ')}" for flag in left]
     if "left_out" in reading.settings:
         lines.append(f"  left out, neither numbers nor texts: {', '.join(reading.settings['left_out'])}")
     for name, why in reading.settings.get("unconverted", {}).items():

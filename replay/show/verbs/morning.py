@@ -98,10 +98,10 @@ def look_at(night: Night) -> Iterator[str]:
         yield "broken-off run"
     if night.before:
         yield from ["difference"] * len(night.before.comparison.exceeding)
-    yield from ["stamp fault"] * len(stamps(night))
+    yield from ["log fault"] * len(of_logs(night))
 
 
-def stamps(night: Night) -> list[str]:
+def of_logs(night: Night) -> list[str]:
     """What is wrong with stamps and files of a session, as facts say it: all findings that are of no channel."""
     one = night.description
     mine = [f"{channel.name} " for channel in one.channels]
@@ -138,7 +138,7 @@ def told(night: Night) -> Iterator[tuple[str, str]]:
     if (night.ended.reason, one.kind) != ("unknown", "other"):
         yield "ended", ended_says(night)
     yield from (("sensor", fault.says) for fault in night.sensors)
-    yield from (("stamps", says) for says in stamps(night))
+    yield from (("log", says) for says in of_logs(night))
     yield from (("gaps", says) for says in gaps(night))
     if one.power:
         yield "power", one.power.says

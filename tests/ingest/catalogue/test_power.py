@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ingest.catalogue.channels import ChannelData
-from ingest.catalogue.power import PowerBalance, balance
+from ingest.catalogue.power import PowerBalance, balance, lacking
 from made.channels import channel
 
 T = np.arange(3600.0)
@@ -36,8 +36,11 @@ def test_energies_and_mean_loss_are_the_integrals() -> None:
 
 
 @pytest.mark.parametrize("missing", ["speed", "torque", "power"])
-def test_nothing_is_said_where_a_quantity_is_missing(missing: str) -> None:
-    assert balance([one for one in machine(SHAFT) if one.spec.quantity != missing]) is None
+def test_no_balance_is_said_where_a_quantity_is_missing_but_which_one_is(missing: str) -> None:
+    left = [one for one in machine(SHAFT) if one.spec.quantity != missing]
+    assert balance(left) is None
+    assert lacking({one.spec.quantity for one in left}) == [missing.replace("power", "electrical power")]
+    assert lacking({"speed", "torque", "voltage_dc", "current_dc"}) == []
 
 
 def test_electrical_power_comes_from_dq_values_where_no_power_is_recorded() -> None:

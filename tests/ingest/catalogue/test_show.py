@@ -250,7 +250,7 @@ def test_what_a_replay_lacks_is_the_next_step(store: Store) -> None:
     )
     without_bench = page.render(replace(found, bench=None, motor=None), width=200).splitlines()[-1]
     assert without_bench == (
-        "next: no bench file says yet what these signals mean: whyhot ingest FILE... --bench bench.toml"
+        "next: no bench file says yet what these signals mean: whyhot inspect FILE... --bench-draft bench.toml"
     )
 
 

@@ -74,7 +74,6 @@ def test_the_sample_is_read_whole(tmp_path: Path, made: bool) -> None:
     ]
     assert log.settings == {
         "sheet": "Messung",
-        "other_sheets": ["Notizen"],
         "header_line": 3,
         "above_header": ["Prüfstand 7"],
         "units_row": True,
@@ -129,7 +128,7 @@ def test_a_sheet_is_the_first_with_a_table_or_the_one_that_is_told(tmp_path: Pat
     other: Sheet = [["t", "n"], [0, 5], [1, 6]]
     path = write(tmp_path / "log.xlsx", Deckblatt=[["Bericht"]], Leer=[], A=table, B=other)
     log, _, columns = read(path)
-    assert (columns, log.settings["other_sheets"]) == ({"T": [20, 21]}, ["Deckblatt", "B"])
+    assert (columns, log.settings["other_sheets"]) == ({"T": [20, 21]}, ["B"])
     assert read(path, TimeSpec(sheet="B"))[2] == {"n": [5, 6]}
     with pytest.raises(UnreadableLogError) as refused:
         read(path, TimeSpec(sheet="b "))
@@ -146,7 +145,7 @@ def test_a_hidden_sheet_is_read_where_no_other_holds_a_table(tmp_path: Path) -> 
     book["Alt"].sheet_state = "hidden"
     book.save(path)
     log, _, columns = read(path)
-    assert (columns, log.settings["other_sheets"]) == ({"n": [5, 6]}, ["Text", "Alt"])
+    assert (columns, log.settings["other_sheets"]) == ({"n": [5, 6]}, ["Alt"])
     del book["Neu"]
     book.save(path)
     assert read(path)[2] == {"T": [20, 21]}

@@ -196,6 +196,11 @@ def test_a_unit_row_contradicts_only_what_it_says_otherwise(
         ("T_pm_degC", None, "temperature"),
         ("07/09/2012 06:58:23 PM - Digital Input", None, None),
         ("Remark", None, None),
+        ("Winding Temp (F)", "F", "temperature"),
+        ("C_ph", "F", "capacitance"),
+        ("Torque (lb-ft)", "lb-ft", "torque"),
+        ("Velocidad", None, "speed"),
+        ("Par", None, "torque"),
     ],
 )
 def test_a_quantity_is_guessed_from_unit_and_name(signal: str, unit: str | None, quantity: str | None) -> None:
@@ -218,6 +223,9 @@ def test_a_quantity_is_guessed_from_unit_and_name(signal: str, unit: str | None,
         ("speed_ma", None),
         ("rpm", None),
         ("T (left)", None),
+        ("1 [°C] Winding", "°C"),
+        ("Torque (lb-ft)", "lb-ft"),
+        ("Lager (A) links", None),
     ],
 )
 def test_a_unit_is_read_off_a_name_where_it_speaks_for_a_quantity(signal: str, unit: str | None) -> None:

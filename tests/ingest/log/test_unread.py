@@ -1,0 +1,35 @@
+"""What of a log was not read as numbers: said as the log is looked at, and kept as a fact where it is ingested."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import openpyxl
+import pytest
+
+from replay.cli import main
+
+
+def test_a_further_table_and_cells_with_units_are_said_and_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    book = openpyxl.Workbook()
+    for name, sheet in (("cold", book.active), ("hot", book.create_sheet("hot"))):
+        assert sheet is not None
+        sheet.title = name
+        for row in (["t", "T", "p"], [0, 20, "1.0 bar"], [1, 21, "1.1 bar"]):
+            sheet.append(row)
+    book.create_sheet("notes").append(["all well"])  # holds no table: nobody misses it
+    book.save("two.xlsx")
+    says = [
+        "two.xlsx: sheet cold was read, and not hot ([time] sheet tells another)",
+        'two.xlsx: read as text and not as numbers: p ("1.0 bar"): export it without units in its cells',
+    ]
+    assert main(["inspect", "two.xlsx"]) == 0
+    looked = capsys.readouterr().out
+    assert all(f"\n  {one.removeprefix('two.xlsx: ')}\n" in looked for one in says)
+    assert main(["ingest", "two.xlsx", "--store", "store"]) == 0
+    assert main(["show", "two", "--store", "store"]) == 0
+    taken, _, shown = capsys.readouterr().out.partition("\nLook at\n")
+    assert all(f"  {one}\n" in told for one in says for told in (taken, shown))
