@@ -134,18 +134,23 @@ class OfDay(Clock):
         return self.origin_ns + np.rint(t_s * 1e6).astype(np.int64) * 1000, bad
 
 
-OF_DAY = re.compile(r"(\d{1,4}):(\d{2}):(\d{2})(?:[.,:](\d{1,9}))?(?:\s?([AaPp])[Mm])?", re.ASCII)
+OF_DAY = re.compile(
+    r"(?:(?P<days>\d{1,4}) days? )?(\d{1,4}):(\d{2}):(\d{2})(?:[.,:](\d{1,9}))?(?:\s?([AaPp])[Mm])?", re.ASCII
+)
 
 
 def seconds_of_day(cell: str) -> float:
-    """Seconds of `14:02:07.5`, `02:02:07 PM` or, counted from a start, `100:06:40`; NaN where it is none."""
+    """Seconds of `14:02:07.5`, `02:02:07 PM` or, counted from a start, `100:06:40` and `4 days 04:06:40`, as pandas
+    writes it; NaN where it is none."""
     match = OF_DAY.fullmatch(cell.strip())
-    if match is None or int(match[2]) > 59 or int(match[3]) > 59 or (match[5] and not 1 <= int(match[1]) <= 12):
+    if match is None:
         return float("nan")
-    hours = int(match[1])
-    if match[5]:
-        hours = hours % 12 + 12 * (match[5] in "Pp")
-    return hours * 3600 + int(match[2]) * 60 + int(match[3]) + float(f"0.{match[4] or 0}")
+    days, *parts, fraction, half = match.groups()
+    hours, minutes, seconds = map(int, parts)
+    if minutes > 59 or seconds > 59 or (half and not 1 <= hours <= 12):
+        return float("nan")
+    hours = hours % 12 + 12 * (half in "Pp") if half else hours
+    return int(days or 0) * DAY_S + hours * 3600 + minutes * 60 + seconds + float(f"0.{fraction or 0}")
 
 
 def carried(dates: Iterable[str], before: str = "") -> list[str]:

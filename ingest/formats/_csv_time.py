@@ -47,6 +47,7 @@ from ingest.formats._csv_stamps import (
     pattern_of,
     year_may_be_first,
 )
+from ingest.formats._no_times import way_out
 from ingest.texts.nearest import hint
 
 TIME_NAMES = frozenset(
@@ -156,8 +157,9 @@ def _found(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
     texts = [name for name in named if dialect.numeric[dialect.names.index(name)] is False]
     seen = next((cell for name in texts for cell in _cells(dialect, name) if cell not in MISSING), None)
     holds = f' ("{texts[0]}" holds "{seen[:40]}", which is no whole stamp)' if seen is not None else ""
+    instead = f"{way} Or under" if (way := way_out(dialect)) else "Under"
     raise UnreadableLogError(
-        f"{log}: no column is recognised as its time{holds}. Under [time] of the bench file say rate_hz = 1.0 "
+        f"{log}: no column is recognised as its time{holds}. {instead} [time] of the bench file say rate_hz = 1.0 "
         '(rows at a fixed rate), or column = "..." with format or unit.'
     )
 

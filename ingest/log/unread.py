@@ -1,4 +1,4 @@
-"""What of a log was not read as numbers, though it may hold some: said as facts, so that nobody misses it in silence."""
+"""What of a log was not read as numbers, though it may hold some: kept as facts, so that nobody misses it unsaid."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ _OF_UNIT: Mapping[str, str] = {  # quantity -> units that speak for it
     "thermal_resistance": "K/W",
 }
 _BY_UNIT = {unit: quantity for quantity, units in _OF_UNIT.items() for unit in units.split()} | {"lbf ft": "torque"}
-# quantity -> what its names hold, in English, German, Italian, French and Spanish; names are taken as `_lower_case_words_`
+# quantity -> what its names hold, in five languages; names are taken as `_lower_case_words_`
 _BY_NAME: Mapping[str, str] = {
     "temperature": "temp|therm|termo|celsius|_t_?c_",
     "speed": "speed|spd|drehzahl|_rpm_|veloci[td]|_giri|vitesse|^_n_|_nmot_|_omega_",

@@ -6,6 +6,7 @@ Each text is made after public descriptions of the program, with three rows of T
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -214,6 +215,33 @@ def test_a_time_that_a_recording_took_is_no_interval_of_its_rows(tmp_path: Path)
         read(path)
 
 
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("title,Run 1\nunit,degC,rpm\ntrace_names,T,n\ntrace_values,20,5\n,21,6\n,,7\n", "In ControlDesk of dSPACE"),
+        ("HBM_CATMAN_DATAFILE_40\nT0 = 14.03.2025 08:00:00\n\nT\tn\n°C\t1/min\n20,0\t5\n21,0\t6\n", "In catman export"),
+        ("ETASAsciiItemFile\trecord\tCrLf\tTab\nT\tn\t\nf8\tf8\t\n20.0\t5\t\n21.0\t6\t\n", "In MDA of ETAS export"),
+        ("Data info\nSample rate\t-\n\nT (°C)\tn (rpm)\n20\t5\n21\t6\n21\t7\n", "In DewesoftX export"),
+        ("Store No.,T,n\n1,20,5\n2,21,6\n3,21,6\n", "Let the power analyser store date and time"),
+        ("Channel,Unit,0.0,1.0,2.0\nT,degC,20,21,22\nn,rpm,1,2,3\n", "Its channels seem to be rows"),
+        ("Time,T\n00:00,20\n00:01,21\n00:02,22\n", "Minutes and seconds alone may be hours and minutes"),
+        ("T,n\n20,5\n21,6\n22,7\n", "Under [time] of the bench file say rate_hz"),
+    ],
+)
+def test_a_table_without_times_says_how_its_program_writes_them(tmp_path: Path, text: str, says: str) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(UnreadableLogError, match=r"no column is recognised as its time.*\. " + re.escape(says)):
+        read(path)
+
+
+def test_times_since_the_start_may_count_days(tmp_path: Path) -> None:
+    """As pandas writes a Timedelta."""
+    path = tmp_path / "log.csv"
+    path.write_text("Elapsed,T\n0 days 00:00:00,20\n0 days 23:59:59.500000,21\n1 days 00:00:00.25,22\n")
+    assert read(path)[1] == [0, 86_399 * S_NS + S_NS // 2, 86_400 * S_NS + S_NS // 4]
+
+
 # ---- several series ------------------------------------------------------------------------------------------------
 
 
@@ -293,7 +321,7 @@ def test_a_header_that_comes_again_over_other_units_begins_another_table(
 
 
 def test_files_joined_to_one_are_read_through_their_marks(tmp_path: Path) -> None:
-    """Each with its own byte order mark and header; a delimiter at the end of each line makes a column without a name."""
+    """Each with its own byte order mark and header; a delimiter ends each line, so that a column has no name."""
     path = tmp_path / "log.csv"
     one = "\ufefft;T;n;\n0;20;5;\n1;21;6;\n"
     path.write_text(one + one.replace("0;", "2;").replace("1;", "3;"))
