@@ -170,7 +170,9 @@ class AtfxLog(JoinedTables):
             step = given[1] if how == "implicit_linear" else 0.0
             return given[0] + step * np.arange(count[0] if 0 < count[:1].sum() < 1 << 31 else 0), False
         if held is None or how.endswith(("_external", "_component")) or _bare(held.tag) == "component":
-            raise _NotRead("its values lie in a file beside it")
+            where = next((child for child in (() if held is None else held) if _bare(child.tag) == "identifier"), None)
+            named = f" ({where.text})" if where is not None and where.text else ""
+            raise _NotRead(f"its values lie in a file beside it{named}: export it with its values in the file")
         kind, text = _bare(held.tag), held.text or ""
         if kind in NUMBERS and how in ("explicit", "raw_linear"):
             values = _numbers(" ".join(WORDS.get(word, word) for word in text.split()))

@@ -16,7 +16,11 @@ if TYPE_CHECKING:
 ACTIONS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
     "check": ("read it, refuse what is impossible, print what it holds", ("file",), ()),
     "new": ("a blank commented file to fill in", ("out",), ("topology",)),
-    "import": ("what Motor-CAD exports: matrices as a motor file, a map's losses", ("file", "out"), ("flow_lpm",)),
+    "import": (
+        "what a design program exports: Motor-CAD's matrices as a motor file, a map's losses",
+        ("file", "out"),
+        ("flow_lpm",),
+    ),
     "scale": ("the same motor in another size", ("file", "length", "out"), ()),
     "slice": ("cut along the stack, for a profile", ("file", "into", "stack_mm", "nodes", "out"), ()),
     "plot": ("a picture of the network", ("file", "out"), ("at",)),
@@ -30,9 +34,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
     says = "; ".join(f"{action}: {what}" for action, (what, _, _) in ACTIONS.items())
     parser.add_argument("action", choices=tuple(ACTIONS), help=says)
-    says = "a motor file (all but new); of import an .rmf or a .mat; of export the name of a motor, or a model's id"
+    says = (
+        "a motor file (all but new); of import an .rmf, .mat or table; of export the name of a motor, or a model's id"
+    )
     parser.add_argument("file", metavar="FILE", nargs="?", type=Path, help=says)
-    says = "the file to write: a motor file, of plot an .svg; of import of a .mat a folder of maps"
+    says = "the file to write: a motor file, of plot an .svg; of import of maps a folder"
     parser.add_argument("-o", "--out", metavar="OUT", type=Path, help=says)
     topologies = "; ".join(f"{name}: {what}" for name, what in TOPOLOGIES.items())
     new = parser.add_argument_group("new")
@@ -103,13 +109,17 @@ def _new(args: argparse.Namespace) -> Answer:
 def _import(args: argparse.Namespace) -> Answer:
     from replay.engine.files.motor_file import read_motor
     from replay.errors import MotorFileError
+    from replay.studies.motors import loss_tables, motorcad_maps
     from replay.studies.motors.motorcad import is_matrices, motor_of
-    from replay.studies.motors.motorcad_maps import maps_of
 
-    if args.file.suffix.lower() == ".mat":
+    maps = {".mat": motorcad_maps.maps_of} | dict.fromkeys((".csv", ".txt", ".xlsx"), loss_tables.maps_of)
+    if maps_of := maps.get(args.file.suffix.lower()):
         return _import_maps(args.out, maps_of(args.file))
     if not is_matrices(args.file):
-        raise MotorFileError(f"{args.file}: is neither an .rmf nor a .mat of Motor-CAD: give what it exported.")
+        raise MotorFileError(
+            f"{args.file}: is neither an .rmf nor a .mat of Motor-CAD, nor a table of losses (.csv, .xlsx): give what "
+            "it exported."
+        )
     text = motor_of(args.file, args.flow_lpm or ()).encode()
     network = read_motor(text, args.out.name)
     _write(args.out, text)

@@ -141,13 +141,13 @@ def test_what_is_not_read_is_named(tmp_path: Path) -> None:
     log, _, columns = read(path)
     assert list(columns) == ["x"]
     assert log.settings["unconverted"] == {
-        "fast/far": "its values lie in a file beside it",
+        "fast/far": "its values lie in a file beside it (a.bin): export it with its values in the file",
         "fast/z": "values of the kind A_COMPLEX32, explicit, are not read",
         "fast/bad": "a value of it is no number",
         "plate": "nothing in it says a time",
     }
     alone = written(tmp_path / "b.atfx", submatrix(1, 3), column(3, "far", outside, how="external_component"))
-    with pytest.raises(UnreadableLogError, match=r"b\.atfx: no row .*: fast/far: its values lie in a file beside it\."):
+    with pytest.raises(UnreadableLogError, match=r"b\.atfx: no row .*: fast/far: its values lie in a file beside it "):
         read(alone)
 
 

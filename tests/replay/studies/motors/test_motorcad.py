@@ -14,6 +14,7 @@ from replay.cli import main
 from replay.engine.files.motor_file import read_motor
 from replay.engine.files.motor_maps import whole
 from replay.errors import MotorFileError
+from replay.studies.motors import loss_tables
 from replay.studies.motors.motorcad import motor_of
 from replay.studies.motors.motorcad_maps import maps_of
 from twin.motor.network import Map, Network
@@ -206,9 +207,10 @@ def test_a_map_of_losses_has_their_values_where_the_motor_reaches(
     [
         ({name: values[:, -1:] for name, values in efficiency_map().items()}, "holds a curve and no map"),
         ({"Speed": np.ones((2, 2))}, "holds no Shaft_Torque"),
+        ({"Id_Peak": np.ones((2, 2)), "Iq_Peak": np.ones((2, 2))}, "over currents and not over speed and torque"),
         (efficiency_map() | {"Magnet_Loss": np.ones((2, 2))}, "Magnet_Loss is no whole matrix"),
     ],
-    ids=["a curve", "no torque", "another size"],
+    ids=["a curve", "no torque", "over currents", "another size"],
 )
 def test_a_file_without_a_map_is_refused(tmp_path: Path, held: dict[str, NDArray[np.float64]], says: str) -> None:
     savemat(tmp_path / "a.mat", held)
@@ -221,3 +223,45 @@ def test_bytes_that_are_no_matlab_file_are_refused(tmp_path: Path) -> None:
         (tmp_path / "a.mat").write_bytes(data)
         with pytest.raises(MotorFileError, match=r"a\.mat: "):
             maps_of(tmp_path / "a.mat")
+
+
+def test_a_table_of_operating_points_becomes_maps_whatever_it_calls_its_columns(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """German, with a line above the names and units below them; points that generate, or without a value, are left
+    out."""
+    rows = "".join(
+        f"{speed};{torque};{f'{(10 + speed / 50 + torque) / 1000:.6f}'.replace('.', ',')};{speed * torque}\n"
+        for speed in range(0, 10_001, 1000)
+        for torque in range(-50, 301, 50)
+    )
+    text = f"Kennfeld;e8\nDrehzahl;Drehmoment;Eisenverluste;Leistung\n1/min;Nm;kW;W\n{rows}5000;100;;0\n"
+    path = tmp_path / "e8.csv"
+    path.write_text(text, encoding="cp1252")
+    assert main(["motor", "import", str(path), "-o", str(tmp_path / "maps")]) == 0
+    assert "1 maps: eisenverluste" in capsys.readouterr().out
+    motor = tmp_path / "motor.toml"
+    motor.write_text(MOTOR.replace("iron_loss_stator_tooth", "eisenverluste"))
+    table = read_motor(whole(motor), motor.name).sources[0].terms[0].shape
+    assert isinstance(table, Map)
+    assert (table.speed[-1], table.torque[0], table.torque[-1]) == (10_000, 0, 300)
+    expected = 10 + np.array(table.speed)[:, None] / 50 + np.array(table.torque)
+    np.testing.assert_allclose(np.array(table.values), expected, rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("Speed [rpm],Torque [Nm],P [W]\n0,0,1\n1,1,2\n", "no column of it is called a loss"),
+        ("Speed,Torque [Nm],Loss [W]\n0,0,1\n1,1,2\n", '"Speed" says no unit'),
+        ("Speed [rpm],n [rpm],Loss [W]\n0,0,1\n1,1,2\n", "n .rpm. seem to be the speed"),
+        ("Speed [rpm],Torque [Nm],Loss [Nm]\n0,0,1\n1,1,2\n", 'column "Loss .Nm."'),
+        ("Speed [rpm],Torque [Nm],Loss [W]\n0,0,1\n1,1,2\n2,2,3\n", "its points lie on a line"),
+        ("all well\n", "holds one line"),
+    ],
+)
+def test_a_table_that_is_no_map_is_refused(tmp_path: Path, text: str, says: str) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(text)
+    with pytest.raises(MotorFileError, match=rf"a\.csv.*{says}"):
+        loss_tables.maps_of(path)
