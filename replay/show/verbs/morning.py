@@ -111,13 +111,26 @@ def of_logs(night: Night) -> list[str]:
 
 def balance(found: Morning) -> str:
     """What became of every record of all logs."""
-    decodes = [one.decode for one in found.intake.files if one.decode and one.decode.outcome != "quarantined"]
+    files, copies = found.intake.files, _copies(found)
+    read_whole = {one.raw: one.decode for one in files if one.decode and one.decode.outcome != "quarantined"}
+    decodes = [*read_whole.values()]
     counts = {key: sum(one.balance.get(key, 0) for one in decodes) for key in ("found", *COUNTS)}
     parts = " + ".join(f"{counts[key]:,} {key.replace('_', ' ')}" for key in COUNTS if counts[key] or key == "decoded")
-    lost = len(found.intake.files) - len(decodes)
+    lost = sum(one.raw not in read_whole for one in files)
     unread = f" {words.counted(lost, 'file')} could not be read." if lost else ""
     read = words.counted(len(decodes), "log")
-    return f"{read}, {counts['found']:,} records = {parts}: the balance holds.{unread}"
+    alike = f" {words.joined([f'{one} is a copy of {first}' for one, first in copies.items()])}." if copies else ""
+    return f"{read}, {counts['found']:,} records = {parts}: the balance holds.{unread}{alike}"
+
+
+def _copies(found: Morning) -> dict[str, str]:
+    """Name of each log that holds the bytes of another one -> the name of that."""
+    first: dict[str, str] = {}
+    return {
+        one.name: first[one.raw]
+        for one in found.intake.files
+        if one.raw and first.setdefault(one.raw, one.name) != one.name
+    }
 
 
 def _night_lines(night: Night) -> list[str]:

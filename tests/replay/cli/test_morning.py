@@ -112,14 +112,21 @@ def test_the_bench_file_and_databases_of_a_folder_are_taken(tmp_path: Path, caps
     assert [one["motor"] for one in data["sessions"]] == ["servo-5kW"]
 
 
-def test_a_file_that_cannot_be_read_is_said_and_stops_no_other(lab: Path, tmp_path: Path, capsys: Capture) -> None:
+def test_a_file_that_cannot_be_read_or_is_a_copy_is_said_and_stops_no_other(
+    lab: Path, tmp_path: Path, capsys: Capture
+) -> None:
     night = tmp_path / "night"
     shutil.copytree(lab / "night", night)
     (night / "cut.blf").write_bytes(b"LOGG" + bytes(200))
+    shutil.copy(night / "tuesday.csv", night / "tuesday copy.csv")
     assert main(["morning", str(night), "--store", str(tmp_path / "none")]) == 1
     printed = capsys.readouterr()
     assert "cut.blf: " in printed.err
-    assert "1 file could not be read" in " ".join(printed.out.split())
+    told = " ".join(printed.out.split())
+    assert (
+        "1 log, 2,000 records" in told
+        and "1 file could not be read. tuesday.csv is a copy of tuesday copy.csv." in told
+    )
     assert "1 refused or incomplete log" in printed.out.split("Balance")[0]
 
 
