@@ -68,6 +68,7 @@ TIME_NAMES = frozenset(
     )
 )
 X_NAMES = frozenset(("x", "xaxis", "xachse", "xvalue", "xvalues", "xwert", "xwerte"))
+ORDER_IN_NAME = re.compile(r"\b(dd|mm)[-./](?:dd|mm)[-./]yy", re.IGNORECASE)  # `Date (MM/DD/YYYY)`
 COUNTERS = {"millis": ("time", "ms"), "micros": ("time", "us")}  # as small controllers call their clocks
 RATED = re.compile(  # what a line above a table says of its rows
     r"(?i)(?P<name>(?:[a-z]+[ _-]*)?(?:rate|freq|frequency|frequenz|interval|intervall|period)|sampl[a-z]*[ _-]?time"
@@ -152,7 +153,7 @@ def _found(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
     for column in [*named, *dialect.names]:
         if clock := _of_day(time, column, dialect):
             return clock
-    if clock := _rated(time, dialect):
+    if clock := _rated(time, dialect) or _first_in_seconds(time, dialect):
         return clock
     texts = [name for name in named if dialect.numeric[dialect.names.index(name)] is False]
     seen = next((cell for name in texts for cell in _cells(dialect, name) if cell not in MISSING), None)
@@ -162,6 +163,15 @@ def _found(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
         f"{log}: no column is recognised as its time{holds}. {instead} [time] of the bench file say rate_hz = 1.0 "
         '(rows at a fixed rate), or column = "..." with format or unit.'
     )
+
+
+def _first_in_seconds(time: TimeSpec, dialect: Dialect) -> Clock | None:
+    """The clock of the first column, whatever it is called, where it says a unit of time and goes on as time does."""
+    first = dialect.names[0]
+    unit = dialect.units.get(first, "").casefold()
+    if unit not in UNITS_NS or not _is_number(dialect, first) or not rises(np.array(_numbers(dialect, first))):
+        return None
+    return _by_content(time, first, replace(dialect, units=dialect.units | {first: unit}))
 
 
 def _rated(time: TimeSpec, dialect: Dialect) -> Clock | None:
@@ -383,9 +393,12 @@ def digits_of(name: str) -> int:
 
 
 def _is_day_first(said: list[str], columns: tuple[str, ...], dialect: Dialect) -> bool | None:
-    """Whether dates begin with the day: 24/12 does wherever it stands in the table, 05/06 in one with decimal commas or
-    semicolons. None where nothing tells; 25/03/17 may begin with the year in any other table, 25-03-17 in any."""
+    """Whether dates begin with the day: 24/12 does wherever it stands in the table, 05/06 where its column's name says
+    so, and in a table with decimal commas or semicolons. None where nothing tells; 25/03/17 may begin with the year in
+    any other table, 25-03-17 in any."""
     told = day_first(said)
+    if told is None and (named := ORDER_IN_NAME.search(" ".join(columns))):
+        told = named[1].lower() == "dd"
     if told is None:
         told = day_first(_said(dialect.rows(), columns, dialect))
     european = (dialect.numerals.decimal == "," or dialect.delimiter == ";") and not said[0].upper().endswith("M")

@@ -1,8 +1,8 @@
 """What was given: log files, folders, patterns and archives become log files; what is no log in them is named.
 
-A folder counts with all that lies in it, a pattern (`night/*.blf`) with all that it fits; hidden files and stores of
-whyhot are left out. A file that was named itself is a log whatever it holds: its reader says why it is none. Signal
-databases are given in the same ways.
+A folder counts with all that lies in it, a pattern (`night/*.blf`) with all that it fits; hidden files, locks of
+Office and stores of whyhot are left out. A file that was named itself is a log whatever it holds: its reader says why
+it is none. Signal databases are given in the same ways.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from ingest.intake.setup import kept_name
 from ingest.log.database_files import is_database
 
 TABLES = (".csv", ".tsv")  # so a table is called, whatever it holds
+LOCK = "~$"  # so Office calls what it keeps beside a file that is open
 DATABASES = (".dbc", ".kcd", ".sym", ".arxml")  # so a database is called, whatever it holds
 
 
@@ -108,7 +109,7 @@ def files_in(argument: Path) -> list[Path]:
     there = (path for path in found if path.is_file() or not path.exists())  # a link that leads nowhere is named
     files = sorted(there, key=lambda path: natural(str(path)))
     stores = {path.parent for path in files if path.name == MARK}
-    return [path for path in files if stores.isdisjoint(path.parents)]
+    return [path for path in files if stores.isdisjoint(path.parents) and not path.name.startswith(LOCK)]
 
 
 def _members(given: GivenLogs, path: Path, folder: Path) -> list[Path]:

@@ -48,6 +48,7 @@ _PLACES = (  # of thermocouples whose column says no more than where they sit; "
     "|_mag_|_amb_|_brg_|cool|_oil_|joch|zahn|r(ue|ü)cken|_nut_|blechpaket|vorlauf|r(ue|ü)cklauf|_(oe|ö)l_|_avv_|giogo"
     "|_dente_|_cava_|statore|rotore|carcassa|raffredd|_olio_"
 )
+PER_UNIT = r"^[^/]+/\s?[^/\s]+$"  # `T_EW/°C` and `n / min^-1`, as DIN 1313 writes quantities in tables
 _LOOSELY_SPELT = ("nm", "degc", "degf")  # units at the end of names, in lower case
 _NO_TEMPERATURE = "pos_|position|angle|winkel|press|druck|level|humid"
 _COMMAND = "_(ref|cmd|command|set|setpoint|req|request|demand|target|desired)_|soll"
@@ -71,15 +72,15 @@ def guess(signal: str, unit: str | None = None) -> str | None:
 
 def unit_in_name(signal: str) -> str | None:
     """The unit that a name ends in, where it speaks for a quantity: "degC" of `EW_3_degC` and `T (°C)`, "A" of
-    `current_A`; of `1 [°C] Winding` that in brackets. None for `winding_A`, where a letter is more likely one of
-    several places or phases."""
+    `current_A`; of `1 [°C] Winding` that in brackets, of `M/Nm` that below the line. None for `winding_A`, where a
+    letter is more likely one of several places or phases."""
     inner = re.search(r"\(([^()]+)\)\s*$", signal)
     if inner:
         return inner[1] if normal_unit(inner[1]) in _BY_UNIT else None
     within = (one[1] for one in re.finditer(r"[(\[]([^()\[\]]{2,})[)\]]", signal))
     if unit := next((one for one in within if normal_unit(one) in _BY_UNIT), None):
         return unit
-    rest, _, last = signal.rpartition("_")
+    rest, _, last = (part.strip() for part in signal.rpartition("/" if re.search(PER_UNIT, signal) else "_"))
     if not rest or not (last in spellings() or last.lower() in _LOOSELY_SPELT):
         return None
     quantity = _BY_UNIT.get(normal_unit(last) or "")

@@ -204,6 +204,8 @@ def before(found: Before) -> str:
     """What differs from the last run of the same test."""
     comparison, one = found.comparison, found.name
     alike = f"{words.duration(comparison.matched_s)} alike, {100 * comparison.shares[1]:.0f} % of this run"
+    if not comparison.channels:
+        return f"driven as {one} ({alike}); no channel is called alike in both, so none is compared"
     if not comparison.exceeding:
         return f"as {one} ({alike}): nothing exceeds its floor"
     told = "; ".join(difference_says(each) for each in comparison.exceeding[:DIFFERENCES])

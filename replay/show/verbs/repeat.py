@@ -12,6 +12,7 @@ from replay.show.words.terminal import labelled
 from replay.show.words.width import width
 
 AXES = {"speed": "rpm", "torque": "Nm", "current": "A", "oven": "°C"}
+NAMES = "A [[change]] in the bench file says that a signal was renamed."
 SHOWN = 12  # channels; the JSON has all
 
 
@@ -21,7 +22,7 @@ def repeat_text(found: Repeat) -> str:
     lines = labelled("Answer", answer(found))
     lines += labelled("Driven alike", alike(found.beside, first, second))
     lines += labelled("Floor", floor(found))
-    lines += ["", *channel_lines(found.beside, first, second)]
+    lines += ["", *channel_lines(found.beside, first, second)] if found.beside.channels else []
     lines += [line for says in not_compared(found) for line in ("", *labelled("Not compared", says))]
     lines += [
         "",
@@ -33,6 +34,10 @@ def repeat_text(found: Repeat) -> str:
 def answer(found: Repeat) -> str:
     """What exceeds its floor, and since when."""
     second, beside = found.second.name, found.beside
+    if not beside.channels:
+        return (
+            f"nothing of {second} can be compared with {found.first.name}: no channel is called alike in both. {NAMES}"
+        )
     if not beside.exceeding:
         return f"{second} reads as {found.first.name} where both were driven alike: nothing exceeds its floor."
     told = [difference_says(one) + _since(found, one) for one in beside.exceeding[:3]]

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
@@ -233,6 +234,25 @@ def test_a_table_without_times_says_how_its_program_writes_them(tmp_path: Path, 
     path.write_text(text, encoding="utf-8")
     with pytest.raises(UnreadableLogError, match=r"no column is recognised as its time.*\. " + re.escape(says)):
         read(path)
+
+
+def test_a_first_column_that_says_a_unit_of_time_holds_the_times(tmp_path: Path) -> None:
+    """As Siglent's oscilloscopes write it; numbers that do not go on are none."""
+    path = tmp_path / "log.csv"
+    path.write_text("Source,CH1\nSecond,Volt\n-0.5,20\n0,21\n0.5,22\n")
+    assert read(path)[1] == [-S_NS // 2, 0, S_NS // 2]
+    path.write_text("Lap,CH1\nMin,Volt\n1,20\n2,21\n")
+    assert read(path)[1] == [60 * S_NS, 120 * S_NS]
+    path.write_text("Lap,CH1\ns,Volt\n1,20\n0,21\n")
+    with pytest.raises(UnreadableLogError, match="no column is recognised as its time"):
+        read(path)
+
+
+def test_a_name_may_say_the_order_of_its_dates(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    for order, month in (("MM/DD/YYYY", 3), ("dd/mm/yyyy", 4)):
+        path.write_text(f"Date ({order}),Time (HH:mm:ss),T\n03/04/2025,08:00:00,20\n03/04/2025,08:00:01,21\n")
+        assert datetime.fromtimestamp(read(path)[1][0] / S_NS, UTC).month == month
 
 
 def test_times_since_the_start_may_count_days(tmp_path: Path) -> None:

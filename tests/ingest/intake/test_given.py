@@ -29,7 +29,7 @@ def night(tmp_path: Path) -> Path:
     """A folder with logs, a folder in it, an archive, and things that are no logs."""
     folder = tmp_path / "night"
     (folder / "sub").mkdir(parents=True)
-    for name in ("10_s1.csv", "2_s2.csv", ".hidden.csv"):
+    for name in ("10_s1.csv", "2_s2.csv", ".hidden.csv", "~$2_s2.csv"):
         (folder / name).write_text(TABLE, encoding="utf-8")
     shutil.copy(LOGS / "sample.blf", folder / "sub" / "S3")
     (folder / "notes.csv").write_text("# Night shift\nall well, but cold\n", encoding="utf-8")

@@ -5,13 +5,17 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
+from ingest.morning.repeat import Comparison
 from made.browser import faults
 from made.places import ROOT
 from made.repeated import BENCH, write_table
 from replay.cli import main
+from replay.show.verbs.repeat import answer
 
 Capture = pytest.CaptureFixture[str]
 
@@ -62,6 +66,13 @@ def test_runs_that_repeat_say_so_in_the_report_too(store: Path, tmp_path: Path, 
     said = capsys.readouterr().out
     assert said.startswith("Answer            evening_0 reads as evening_1 where both were driven alike")
     assert "the store knows of nothing that changed" in said
+
+
+def test_runs_without_a_channel_of_one_name_are_not_said_to_agree() -> None:
+    beside = Comparison(("speed",), 60.0, (1.0, 1.0), (1.0, 1.0), 1, (), (), (("n",), ("Drehzahl",)))
+    first, second = (SimpleNamespace(name=name) for name in "ab")
+    found: Any = SimpleNamespace(first=first, second=second, beside=beside)
+    assert answer(found).startswith("nothing of b can be compared with a: no channel is called alike in both.")
 
 
 def test_earlier_runs_are_a_floor(store: Path, capsys: Capture) -> None:
