@@ -7,9 +7,12 @@ from __future__ import annotations
 
 import codecs
 import re
+import sys
 from collections.abc import Mapping
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
+from types import ModuleType
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import ParseError
 
@@ -59,10 +62,11 @@ def read_database(data: bytes, name: str, notes: list[str]) -> DatabaseFile:
 
     Raises DatabaseError.
     """
-    from cantools.database.errors import Error
-
     text = _text(data)
     kind = _kind(text, name)
+    _loader(kind)
+    from cantools.database.errors import Error
+
     is_j1939 = kind == DBC and re.search(J1939, text) is not None
     try:
         return DatabaseFile(kind, _cantools(kind, text, name, strict=True), is_j1939)
@@ -97,11 +101,25 @@ def _kind(text: str, name: str) -> str:
     return found or DBC
 
 
+def _loader(kind: str) -> ModuleType:
+    """What of cantools reads a kind of database, imported without the top of its package: that brings a tester of buses
+    along, so python-can, and asammdf where it is installed. A later `import cantools` finds the whole."""
+    name, top = f"cantools.database.can.formats.{kind.lower()}", find_spec("cantools")
+    if "cantools" not in sys.modules and top is not None:
+        bare = sys.modules["cantools"] = ModuleType("cantools")
+        bare.__path__ = list(top.submodule_search_locations or ())
+        try:
+            return import_module(name)
+        finally:
+            del sys.modules["cantools"]
+    return import_module(name)
+
+
 def _cantools(kind: str, text: str, name: str, strict: bool) -> list[Any]:
     import textparser
     from cantools.database.errors import Error
 
-    loader = import_module(f"cantools.database.can.formats.{kind.lower()}")
+    loader = _loader(kind)
     try:
         return list(loader.load_string(text, strict=strict).messages)
     except Error as error:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import random
+import sys
 from collections.abc import Callable
+from importlib import import_module
 
 import cantools
 import numpy as np
@@ -24,6 +26,15 @@ def frames(can_id: int, payloads: list[bytes]) -> FrameBatch:
     data = np.frombuffer(b"".join(payloads), np.uint8)
     bus, ids, flags = np.ones(count, np.uint8), np.full(count, can_id, np.uint32), np.zeros(count, np.uint8)
     return FrameBatch(Frames(np.arange(count), bus, ids, flags, offsets, data, np.arange(count)))
+
+
+def test_a_database_is_read_without_what_cantools_drives_buses_with(monkeypatch: pytest.MonkeyPatch) -> None:
+    """python-can imports asammdf too, where that is installed. The whole of cantools is there afterwards."""
+    for name in [one for one in sys.modules if one.partition(".")[0] in ("can", "cantools")]:
+        monkeypatch.delitem(sys.modules, name)
+    assert load(MULTIPLEXED_DBC.encode(), "renamed.txt").messages
+    assert not {"can", "cantools"} & sys.modules.keys()
+    assert import_module("cantools").database.load_string(MULTIPLEXED_DBC).messages
 
 
 @pytest.mark.parametrize(
