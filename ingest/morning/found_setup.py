@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ingest.bench.bench_file import SCHEMA, read_bench
-from ingest.errors import IngestError
+from ingest.errors import DatabaseError, IngestError
 from ingest.facts.durable import scratch
 from ingest.facts.facts import Facts
 from ingest.intake.given import databases_in, files_in
 from ingest.intake.intake import Intake
 from ingest.intake.setup import MotorFile, Setup, prepare, sealed_setup
-from ingest.log.databases import load
+from ingest.log.databases import Database, load
 from ingest.texts.toml_file import LARGEST
 
 if TYPE_CHECKING:
@@ -25,17 +25,19 @@ NO_BENCH = "no bench file"
 
 @dataclass(frozen=True)
 class FoundSetup:
-    """A setup, and in a few words where it is from."""
+    """A setup, and in a few words where it is from. `unread`: why databases that lie with the logs are left out."""
 
     setup: Setup
     source: str
     named: bool = False  # by the one who asks: where it does not fit, that is refused
+    unread: tuple[str, ...] = ()
 
     def explains(self, skipped: str) -> bool:
-        """Whether a file that is no log, named at the beginning of a line, is one of the setup."""
+        """Whether a file that is no log, named at the beginning of a line, is one of the setup, or would be if it could
+        be read."""
         bench = self.setup.bench
         names = [one.name for one in self.setup.databases] + ([bench.name, bench.motor or ""] if bench else [])
-        return skipped.partition(":")[0] in names
+        return skipped.partition(":")[0] in [*names, *(line.partition(":")[0] for line in self.unread)]
 
 
 def found_setup(
@@ -46,21 +48,23 @@ def found_setup(
     motor_file: Callable[[Path], MotorFile],
     past: tuple[Store, Facts] | None,
 ) -> FoundSetup:
-    """The bench file and databases that are named; else those in the folders given, where there is one bench file;
-    else those of the last session of the store. Raises as `prepare` for what is named."""
+    """The bench file and databases that are named; else those in the folders given, where there is one bench file, and
+    without databases that cannot be read; else those of the last session of the store. Raises as `prepare` for what is
+    named."""
     if bench or databases:
         given = ", ".join(path.name for path in (bench, *databases) if path)
         return FoundSetup(prepare(logs, bench, databases, motor_file), f"{given}, as given", named=True)
-    benches, there = _lying(arguments)
+    benches, there, unread = _lying(arguments)
     if len(benches) > 1:
-        return _without(there, f"no bench file: the folder holds {len(benches)}, name one with --bench")
+        return _without(there, f"no bench file: the folder holds {len(benches)}, name one with --bench", unread)
     if benches:
         try:
-            setup = prepare(logs, benches[0], there, motor_file)
+            setup = replace(prepare(logs, benches[0], (), motor_file), databases=there)
         except IngestError as error:
-            return _without(there, f"no bench file: {error}")
-        return FoundSetup(setup, ", ".join(path.name for path in (benches[0], *there)))
-    return (_last_setup(*past, motor_file) if past else None) or _without(there, NO_BENCH)
+            return _without(there, f"no bench file: {error}", unread)
+        source = ", ".join([benches[0].name, *(one.name for one in there)])
+        return FoundSetup(setup, source, unread=unread)
+    return (_last_setup(*past, motor_file) if past else None) or _without(there, NO_BENCH, unread)
 
 
 def taken_as_found(found: FoundSetup, take: Callable[[Setup], Intake]) -> tuple[FoundSetup, Intake]:
@@ -72,19 +76,27 @@ def taken_as_found(found: FoundSetup, take: Callable[[Setup], Intake]) -> tuple[
         if found.named or found.setup.bench is None:
             raise
         setup = replace(found.setup, bench=None, bench_data=b"", motor=None, model=None)
-        return FoundSetup(setup, f"no bench file, as {found.setup.bench.name} does not fit: {error}"), take(setup)
+        source = f"no bench file, as {found.setup.bench.name} does not fit: {error}"
+        return FoundSetup(setup, source, unread=found.unread), take(setup)
 
 
-def _without(databases: Sequence[Path], source: str) -> FoundSetup:
-    return FoundSetup(Setup(None, b"", tuple(load(path.read_bytes(), path.name) for path in databases), None), source)
+def _without(databases: tuple[Database, ...], source: str, unread: tuple[str, ...]) -> FoundSetup:
+    return FoundSetup(Setup(None, b"", databases, None), source, unread=unread)
 
 
-def _lying(arguments: Sequence[Path]) -> tuple[list[Path], list[Path]]:
-    """Bench files and signal databases in the folders among the arguments, in all that lies in these."""
+def _lying(arguments: Sequence[Path]) -> tuple[list[Path], tuple[Database, ...], tuple[str, ...]]:
+    """Bench files and signal databases in the folders among the arguments, in all that lies in these; and a line for
+    each database that cannot be read."""
     folders = [argument for argument in arguments if argument.is_dir()]
     files = [path for folder in folders for path in files_in(folder)]
     benches = [path for path in files if path.suffix.lower() == ".toml" and _is_bench(path)]
-    return benches, [path for folder in folders for path in databases_in(folder)]
+    databases, unread = [], []
+    for path in (path for folder in folders for path in databases_in(folder)):
+        try:
+            databases.append(load(path.read_bytes(), path.name))
+        except DatabaseError as error:
+            unread.append(f"{error} Left out.")
+    return benches, tuple(databases), tuple(unread)
 
 
 def _is_bench(path: Path) -> bool:

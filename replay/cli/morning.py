@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> Answer:
         answer = morning(store, intake, past, found.source, args.ingest)
         store.ledger.seal()
         said = provenance(past[0] if past else None, setup=found.source, kept=args.ingest)
-        skipped = [line for line in given.skipped if not found.explains(line)]
+        skipped = [*(line for line in given.skipped if not found.explains(line)), *found.unread]
         refusals = [*given.refused, *intake.refusals]
         if args.report:
             tell("drawing")

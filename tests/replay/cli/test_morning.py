@@ -158,3 +158,15 @@ def test_a_bench_file_of_the_store_that_fits_no_log_is_left_out_and_one_that_is_
     assert main(["morning", str(tmp_path), *store]) == 0
     assert "no bench file, as bench.toml does not fit" in " ".join(capsys.readouterr().out.split())
     assert main(["morning", str(tmp_path), "--bench", str(lab / "bench.toml"), *store]) == 2
+
+
+def test_a_database_of_the_folder_that_cannot_be_read_is_left_out(tmp_path: Path, capsys: Capture) -> None:
+    can_bench.write_files(tmp_path)
+    can_bench.write_log(tmp_path / "night.asc", seconds=20)
+    (tmp_path / "broken.dbc").write_text('VERSION ""\nBO_ 291 Motor 8 Vector__XXX\n', encoding="utf-8")
+    assert main(["morning", str(tmp_path), "--store", str(tmp_path / "none"), "--json"]) == 0
+    printed = capsys.readouterr()
+    data = json.loads(printed.out)
+    assert data["setup"] == "bench.toml, bench.dbc"
+    (line,) = data["skipped"]
+    assert line.startswith("broken.dbc:") and line.endswith("Left out.") and line in printed.err
