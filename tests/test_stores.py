@@ -142,8 +142,8 @@ def test_an_event_of_an_earlier_version_is_read_as_it_would_be_written_today(
         assert [vars(one.event)["called"] for one in opened.ledger.events(Newer)] == ["a.blf", "b.blf"]
 
 
-def test_an_upgrade_decodes_anew_what_another_decoder_made(
-    store: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+def test_an_upgrade_decodes_anew_what_an_earlier_decoder_made_and_leaves_what_a_later_one_did(
+    store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     rows, before = stored(store), said(store)
     monkeypatch.setattr(decode, "DECODER", "whyhot-decoder/999")
@@ -157,6 +157,20 @@ def test_an_upgrade_decodes_anew_what_another_decoder_made(
     capsys.readouterr()
     assert main(["upgrade"]) == 0
     assert "all made by this version: nothing to do" in " ".join(capsys.readouterr().out.split())
+    monkeypatch.undo()  # the earlier version again, beside the newer one
+    monkeypatch.setenv("WHYHOT_STORE", str(store))
+    left, kept = "1_s1.blf: was decoded by a newer version (whyhot-decoder/999, this is ", stored(store)
+    for words in (["upgrade"], ["upgrade", "--dry-run"]):
+        assert main(words) == 1
+        out, err = capsys.readouterr()
+        assert left in err and "none made by an earlier version: nothing to do" in " ".join(out.split())
+    assert main(["rebuild"]) == 0
+    assert left in capsys.readouterr().err
+    log = tmp_path / "1_s1.blf"
+    with Store.open(store) as opened:
+        log.write_bytes(opened.archive.read(facts.at(opened.ledger).session("1_s1").files[0]["raw"]))
+    assert main(["ingest", str(log)]) == 1
+    assert left in capsys.readouterr().err and stored(store) == kept
     with Store.open(store) as opened:
         assert upgrade.needed(opened.ledger.events(), facts.at(opened.ledger)).logs == {}
     assert main(["verify", "--read"]) == 0

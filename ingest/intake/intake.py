@@ -24,6 +24,7 @@ from ingest.intake.grouping import group_files
 from ingest.intake.making import LogFile, ReadLog, decode_logs, made_in, read_logs
 from ingest.intake.setup import Setup, keep_setup, kept_name, mend_setup, resolved
 from ingest.log import clock, j1939, unread
+from ingest.log.decode import newer
 from ingest.log.specimens import Specimens
 from ingest.units.each import Workers
 
@@ -147,6 +148,8 @@ def _known(known: Facts, path: Path, setup: Setup, before: set[str]) -> Taken | 
     log = LogFile(path, sha256_of(path), form)
     if back := known.retractions.get(f"file-{log.raw}"):
         return Taken(name, size, form.holds, log.raw, None, known=False, refusal=back.line)
+    if why := next(filter(None, (newer(one.decoder) for one in known.decodes_of(log.raw))), None):
+        return Taken(name, size, form.holds, log.raw, None, known=True, refusal=f"{name}: {why}")
     decode = known.decodes.get(log.identity(setup)["decode"])
     if log.raw in before or (decode and decode.outcome != "quarantined"):
         return Taken(name, size, form.holds, log.raw, decode, known=True, refusal=None)

@@ -18,21 +18,26 @@ from ingest.facts.sessions import Override
 from ingest.facts.store import Store
 from ingest.intake.corrections import alike, plan_of, read_again
 from ingest.intake.setup import MotorFile
-from ingest.log.decode import is_made_here
+from ingest.log.decode import is_made_here, newer
 
 
 @dataclass(frozen=True)
 class Upgrade:
-    """`events`: program that wrote them -> how many; `logs`: SHA-256 -> the decoder of those whose samples were made
-    by another than this version's."""
+    """`events`: program that wrote them -> how many; `logs`: SHA-256 -> the decoder of those whose samples an earlier
+    version made; `left`: a line for each whose samples a later version made, which stay as they are."""
 
     events: Mapping[str, int]
     logs: Mapping[str, str]
+    left: Sequence[str]
 
 
 def needed(recorded: Sequence[Recorded], facts: Facts) -> Upgrade:
-    """What in a store is of an earlier version."""
-    return Upgrade(Counter(one.code for one in recorded), decoded_elsewhere(facts))
+    """What in a store is of another version."""
+    logs = decoded_elsewhere(facts)
+    later = {raw: why for raw, decoder in logs.items() if (why := newer(decoder))}
+    earlier = {raw: decoder for raw, decoder in logs.items() if raw not in later}
+    left = [f"{facts.files[raw].name}: {why}" for raw, why in later.items()]
+    return Upgrade(Counter(one.code for one in recorded), earlier, left)
 
 
 def decoded_elsewhere(facts: Facts) -> dict[str, str]:

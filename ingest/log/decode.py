@@ -47,6 +47,14 @@ def is_made_here(decoder: str) -> bool:
     return decoder == DECODER
 
 
+def newer(decoder: str) -> str | None:
+    """Why this version leaves a log alone that was decoded by `decoder`, as a clause; None where it need not."""
+    number, own = (text.rpartition("/")[2] for text in (decoder, DECODER))
+    if not number.isdecimal() or int(number) <= int(own):
+        return None
+    return f"was decoded by a newer version ({decoder}, this is {DECODER}): update whyhot"
+
+
 def decode_id(raw: str, databases: Sequence[str], bench: str | None, model: str | None = None) -> str:
     """Identity of a decode: SHA-256 over decoder version and the SHA-256 of log, databases, bench and motor file.
 

@@ -19,7 +19,7 @@ def run(args: argparse.Namespace) -> Answer:
     from ingest.facts import facts
     from ingest.facts.store import Store
     from ingest.intake.making import redecode
-    from ingest.intake.upgrade import decoded_elsewhere
+    from ingest.intake.upgrade import needed
     from replay.cli.progress import tell
     from replay.show.words.words import counted
 
@@ -27,12 +27,13 @@ def run(args: argparse.Namespace) -> Answer:
         again = partial(redecode, workers=workers_of(args), tell=tell)
         made = rebuild(store, again, verify=args.verify)
         known = facts.at(store.ledger)
-        older = [known.files[raw].name for raw in decoded_elsewhere(known)]
+        elsewhere = needed(store.ledger.events(), known)
+        older = [known.files[raw].name for raw in elsewhere.logs]
         done = {"products": made.products, "views": made.views, "differences": list(made.differences)}
         data = {"schema": "whyhot.rebuild/1", **done, "provenance": provenance(store, verify=args.verify)}
     compared = ", each equal to what it was" if args.verify and not made.differences else ""
     text = f"rebuilt {made.products} decoded files and {made.views} views{compared}"
-    notes = [*made.notes, *made.differences]
+    notes = [*made.notes, *made.differences, *elsewhere.left]
     if older:
         said = f"{counted(len(older), 'log')} decoded by another version, whose files this one does not make again"
         notes.append(f"{said}: {', '.join(older)}; next: whyhot upgrade")

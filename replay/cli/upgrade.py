@@ -22,7 +22,7 @@ def run(args: argparse.Namespace) -> Answer:
     with Store.open(store_folder(args), write=not args.dry_run) as store:
         known = facts.at(store.ledger)
         found = needed(store.ledger.events(), known)
-        left = [] if args.dry_run else upgrade(store, list(found.logs), for_intake, tell)
+        refused = [] if args.dry_run else upgrade(store, list(found.logs), for_intake, tell)
         names = [known.files[raw].name for raw in found.logs]
         data = {
             "schema": "whyhot.upgrade/1",
@@ -31,4 +31,5 @@ def run(args: argparse.Namespace) -> Answer:
             "dry_run": args.dry_run,
             "provenance": provenance(store),
         }
+    left = [*refused, *found.left]
     return Answer(data, upgrade_text(found, names, args.dry_run), 1 if left else 0, left)
