@@ -12,11 +12,12 @@ Other programs read them as they are (hive partitions); `cycles`, `dc_checks` an
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from hashlib import sha256
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -38,6 +39,14 @@ ORDER BY ALL
 """
 
 
+class Kept(NamedTuple):
+    """`folder`: where partitions lie; `work`: one on the same disk for files that are not whole yet, as what lies in
+    `folder` and is none of theirs is removed by others that are at work."""
+
+    folder: Path
+    work: Path
+
+
 @dataclass(frozen=True)
 class Partition:
     """The rows of one table (`holds`) of a group of motors in a month; `digest` of all that they depend on."""
@@ -51,10 +60,14 @@ class Partition:
         """Where it lies in the store's folder of partitions."""
         return folder / self.holds / f"motors={self.motors}" / f"month={self.month}"
 
-    def file(self, folder: Path) -> Path | None:
-        """Its file, None where there is none that is whole."""
-        there = self.place(folder).glob(f"{self.digest}-*.parquet")
-        return next((file for file in there if file == self.named(folder, file.read_bytes())), None)
+    def held(self, folder: Path) -> tuple[Path, pa.Table] | None:
+        """Its file and the rows in it, None where there is none that is whole."""
+        for file in self.place(folder).glob(f"{self.digest}-*.parquet"):
+            with suppress(FileNotFoundError):  # gone since: a version that needs others is at work too
+                content = file.read_bytes()
+                if file == self.named(folder, content):
+                    return file, pq.read_table(pa.BufferReader(content))
+        return None
 
     def named(self, folder: Path, content: bytes) -> Path:
         """The name of its file with this content."""
@@ -66,10 +79,11 @@ def create(connection: duckdb.DuckDBPyConnection, folder: Path | None, code: str
     the logs. `folder`: None where nothing is kept; `code`: which code reads them. Returns the file of each partition,
     None where it has none."""
     connection.execute(statement("parts"))
-    parts = {part: part.file(folder) if folder else None for part in _parts(connection, code)}
-    for part, file in parts.items():
-        if file:
-            _insert(connection, part.holds, pq.read_table(file, partitioning=None))
+    parts: dict[Partition, Path | None] = {}
+    for part in _parts(connection, code):
+        parts[part], rows = (part.held(folder) if folder else None) or (None, None)
+        if rows is not None:
+            _insert(connection, part.holds, rows)
     missing = [part for part, file in parts.items() if not file]
     for holds, some in groupby(missing, lambda part: part.holds):
         for sessions in _at_once(connection, list(some)):
@@ -80,11 +94,11 @@ def create(connection: duckdb.DuckDBPyConnection, folder: Path | None, code: str
     return parts
 
 
-def keep(connection: duckdb.DuckDBPyConnection, folder: Path, parts: Mapping[Partition, Path | None]) -> None:
+def keep(connection: duckdb.DuckDBPyConnection, to: Kept, parts: Mapping[Partition, Path | None]) -> None:
     """Write the partitions that have no file yet, and remove those of other facts or other code. Raises OSError where
-    `folder` cannot be written."""
-    kept = {file or _write(connection, part, folder) for part, file in parts.items()}
-    for old in {file for file in folder.rglob("*") if file.is_file()} - kept:
+    a folder cannot be written."""
+    kept = {file or _write(connection, part, to) for part, file in parts.items()}
+    for old in {file for file in to.folder.rglob("*") if file.is_file()} - kept:
         old.unlink(missing_ok=True)  # another process was first
 
 
@@ -116,13 +130,13 @@ def _insert(connection: duckdb.DuckDBPyConnection, table: str, rows: pa.Table) -
     connection.unregister("new_rows")
 
 
-def _write(connection: duckdb.DuckDBPyConnection, part: Partition, folder: Path) -> Path:
+def _write(connection: duckdb.DuckDBPyConnection, part: Partition, to: Kept) -> Path:
     """Write the rows of a partition, whole under its name or not at all. Returns its file."""
     whose = {"holds": part.holds, "motors": part.motors, "month": part.month}
     rows = connection.sql(ROWS.format(holds=part.holds), params=whose).to_arrow_table()
     content = pa.BufferOutputStream()
     pq.write_table(rows, content, compression="zstd")
     made = content.getvalue().to_pybytes()
-    file = part.named(folder, made)
+    file = part.named(to.folder, made)
     file.parent.mkdir(parents=True, exist_ok=True)
-    return write_file(file.parent, [made]).replace(file)
+    return write_file(to.work, [made]).replace(file)

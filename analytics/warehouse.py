@@ -105,7 +105,8 @@ def build(store: Store, target: Path, source: Mapping[str, str]) -> None:
         with scratch(target.parent, BUILDING) as folder:
             made = folder / target.name
             with _database(str(made), default_block_size=BLOCK, memory_limit=BUILD_MEMORY) as connection:
-                fill(connection, rows, source, store.bucket, target.parent / partitions.FOLDER)
+                kept = partitions.Kept(target.parent / partitions.FOLDER, folder)
+                fill(connection, rows, source, store.bucket, kept)
                 connection.execute("CHECKPOINT")  # what fails only when it is closed, DuckDB does not say
             made.replace(target)
     except (OSError, duckdb.Error) as error:
@@ -140,7 +141,9 @@ def refresh(store: Store, as_of: str | None = None, anew: bool = False, watched:
     notes = (_set_aside(path, str(broken)),) if broken else ()
     build(store, path, source)
     try:
-        return _warehouse(_open(store, path, watched), *notes)
+        return _warehouse(_open(store, path, watched, source), *notes)
+    except _Stale:  # another version put its own there meanwhile, or another command one of newer facts
+        return _in_memory(store, None, watched)
     except _Broken as error:
         raise WarehouseError(f"{path}: was made and cannot be read ({error}): see that the disk has space") from None
 
@@ -171,11 +174,11 @@ def fill(
     rows: dict[str, tables.Rows],
     source: Mapping[str, str] | None = None,
     bucket: Bucket | None = None,
-    kept: Path | None = None,
+    kept: partitions.Kept | None = None,
 ) -> None:
     """Make all tables, views and macros in an empty database, from the rows of `analytics.tables`, which are taken out
     of `rows`: the facts behind them take no memory while logs are read. `bucket`: where the Parquet files lie that they
-    name; `kept`: a folder in which what is read from logs is kept (`analytics.partitions`), by the `source` that says
+    name; `kept`: where what is read from logs is kept (`analytics.partitions`), by the `source` that says
     which code read it."""
     if bucket:
         reach(connection, bucket)
@@ -201,7 +204,7 @@ def fill(
         for part in SAMPLES:
             connection.execute(scans.statement(part))
         code = " ".join((source or {}).get(what, "") for what in ("analytics", "duckdb"))
-        parts = partitions.create(connection, kept, code)
+        parts = partitions.create(connection, kept.folder if kept else None, code)
     except Exception:  # damage shows in many ways
         connection.rollback()  # else nothing more can be asked
         scans.check(connection, named)

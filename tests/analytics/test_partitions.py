@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -120,6 +120,37 @@ def test_a_damaged_partition_is_made_again_and_what_is_not_its_own_goes(store: S
     (store.folder / warehouse.FILE).unlink()
     assert ask(store) == [("check", 0.0, 0.04)]
     assert kept(store) == whole
+
+
+def test_two_versions_that_make_the_tables_of_one_store_at_once_both_answer(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    add_log(store, "check", "dc_check", 0.0, CHECK)
+    write, others = partitions.write_file, list[list[tuple[Any, ...]]]()
+
+    def written_while_another_works(folder: Path, chunks: Iterable[bytes]) -> Path:
+        made = write(folder, chunks)
+        with pytest.MonkeyPatch.context() as other:
+            other.setattr(partitions, "write_file", write)
+            other.setattr(warehouse, "_own_hash", lambda: "another version")
+            others.append(ask(store))
+        return made
+
+    with monkeypatch.context() as beside:
+        beside.setattr(partitions, "write_file", written_while_another_works)
+        own = ask(store)
+    assert [own, *others] == [[("check", 0.0, 0.04)]] * (1 + len(others)) and others
+    assert ask(store) == own  # what the other left is not taken for ours
+    read = Path.read_bytes
+
+    def gone(file: Path) -> bytes:
+        if file.suffix == ".parquet":
+            file.unlink()
+        return read(file)
+
+    (store.folder / warehouse.FILE).unlink()
+    monkeypatch.setattr(Path, "read_bytes", gone)  # the other removes what is about to be read
+    assert ask(store) == own
 
 
 def test_nothing_is_kept_of_a_log_whose_samples_are_damaged(store: Store) -> None:
