@@ -10,6 +10,7 @@ something in the same stream since then, the append is refused (OvertakenError),
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -119,7 +120,7 @@ class Ledger:
 
         `as_of` is a position, or an ISO 8601 time (UTC where it names no zone): what was recorded up to then.
         Raises DamageError where the ledger up to there is not what was written, LedgerError for an `as_of` that is
-        neither.
+        neither, or a time of which a wrong clock left unknown what was recorded up to then.
         """
         stop, moment = self._as_of(as_of)
         if self._seen.resumed:
@@ -127,6 +128,8 @@ class Ledger:
         self._read(stop)
         if as_of is None:
             self._others = _Others(self._seen.position)
+        elif stop is None:
+            _refuse_unknown(as_of, moment, self._seen.recorded)
         return [
             one
             for one in self._seen.recorded
@@ -353,6 +356,24 @@ def placed(folder: Path, server: Server | None, write: bool, create: bool) -> Le
     if server is not None:
         return ServerTable(server, create)
     return SqliteFile(folder / "ledger.sqlite", write, create)
+
+
+def ahead(recorded: Sequence[Recorded]) -> Recorded | None:
+    """The first of these events, all those of a ledger, that says it was recorded later than now, by a day at least: a
+    clock was wrong, and the times of all after it are no more than their order."""
+    now = utc_text(datetime.now(UTC) + timedelta(days=1))
+    first = bisect_right(recorded, now, key=lambda one: one.recorded)
+    return recorded[first] if first < len(recorded) else None
+
+
+def _refuse_unknown(as_of: str | int, moment: str, recorded: Sequence[Recorded]) -> None:
+    """Raises LedgerError for a time behind the last right one and before that of an event which is `ahead`."""
+    one = ahead(recorded)
+    if one and moment < one.recorded and not any(moment <= other.recorded for other in recorded[: one.position - 1]):
+        raise LedgerError(
+            f"as of {as_of!r}: event {one.position} says it was recorded on {one.recorded[:10]}, so a clock was wrong, "
+            f"and times no longer tell what was known when: give the number of an event (up to {len(recorded)})"
+        )
 
 
 def _stamp(after: str) -> str:

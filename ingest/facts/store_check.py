@@ -18,7 +18,7 @@ from ingest.facts.cited import BACKUP, Cited, cited, forgotten, sessions_on, ses
 from ingest.facts.durable import opened, sha256_of
 from ingest.facts.events import DecodeCompleted
 from ingest.facts.facts import Facts, fold
-from ingest.facts.ledger import INDEX
+from ingest.facts.ledger import INDEX, ahead
 from ingest.facts.ledger_audit import audit
 from ingest.facts.ledger_history import Flaw, LedgerHistory
 from ingest.facts.ledger_index import LedgerIndex
@@ -98,6 +98,11 @@ def check(
         found.damages.append(Damage(says, (), "delete it"))
     if isinstance(place, SqliteFile):
         found.hints += _sqlite()
+    if not seen.findings and (late := ahead(seen.recorded)):
+        found.hints.append(
+            f"event {late.position} says it was recorded on {late.recorded[:10]}, later than now: a clock was wrong, "
+            "then or now. Times of the events from there on tell their order alone: give --as-of a number"
+        )
     found.head = None if seen.findings else seen.head
     return found
 

@@ -124,18 +124,38 @@ def test_an_as_of_that_means_nothing_is_refused(written: Path, as_of: str, says:
     assert says in str(caught.value)
 
 
+def clock_of(year: int) -> type[datetime]:
+    """A clock that stands."""
+
+    class Wrong(datetime):
+        @classmethod
+        def now(cls, tz: Any = None) -> Wrong:
+            return cls(year, 1, 1, tzinfo=UTC)
+
+    return Wrong
+
+
 def test_recorded_times_rise_even_when_the_clock_is_set_back(ledger: Ledger, monkeypatch: pytest.MonkeyPatch) -> None:
     first = ledger.append("file-a", raw("a"))
-
-    class Earlier(datetime):
-        @classmethod
-        def now(cls, tz: Any = None) -> Earlier:
-            return cls(2001, 1, 1, tzinfo=UTC)
-
-    monkeypatch.setattr(ledger_module, "datetime", Earlier)
+    monkeypatch.setattr(ledger_module, "datetime", clock_of(2001))
     second, third = ledger.append_all([("file-b", raw("b")), ("file-c", raw("c"))])
     assert first.recorded < second.recorded < third.recorded
     assert audit(ledger).findings == []
+
+
+def test_a_time_that_a_wrong_clock_made_meaningless_is_refused_and_others_are_not(
+    ledger: Ledger, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = ledger.append("file-a", raw("a"))
+    with monkeypatch.context() as jumped:
+        jumped.setattr(ledger_module, "datetime", clock_of(2200))
+        wrong = ledger.append("file-b", raw("b"))
+    after = ledger.append("file-c", raw("c"))
+    assert wrong.recorded < after.recorded and audit(ledger).findings == []
+    for moment, known in (("1999-01-01", 0), (first.recorded, 1), (wrong.recorded, 2), ("2999-01-01", 3), (2, 2)):
+        assert len(ledger.events(as_of=moment)) == known
+    with pytest.raises(LedgerError, match=r"event 2 says it was recorded on 2200-01-01, so a clock .* \(up to 3\)"):
+        ledger.events(as_of="2100-01-01")
 
 
 def test_all_of_a_batch_is_stored_or_nothing(ledger: Ledger) -> None:
