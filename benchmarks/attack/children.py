@@ -7,6 +7,7 @@ import io
 import json
 import os
 import pkgutil
+import random
 import signal
 import sys
 import time
@@ -14,6 +15,7 @@ import traceback
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from datetime import datetime, tzinfo
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -24,6 +26,7 @@ from made.places import ROOT
 from replay.cli import main
 
 KILLED = -signal.SIGKILL
+WRONG_S = 10 * 365.25 * 86_400
 CHANGES = (  # of a disk: calls of `os`, and what the ledger's database does in one transaction
     *((os, name) for name in ("write", "fsync", "replace", "mkdir", "unlink", "rmdir")),
     *((SqliteFile, name) for name in ("insert", "disconnect")),
@@ -177,6 +180,24 @@ def at_read(number: int, act: Act, on: bool = False) -> None:
 
     vars(io)["open"] = vars(builtins)["open"] = opened
     vars(os)["open"] = _watched("open", os.open, step)
+
+
+def at_wrong_times(chance: random.Random) -> None:
+    """In this process: the clock of the day is wrong by up to `WRONG_S`, and by something else at each look at it."""
+    true = time.time
+
+    def now_s() -> float:
+        return true() + chance.uniform(-WRONG_S, WRONG_S)
+
+    class Wrong(datetime):
+        @classmethod
+        def now(cls, tz: tzinfo | None = None) -> Wrong:
+            return cls.fromtimestamp(now_s(), tz)
+
+    vars(time)["time"] = now_s
+    for module in [*sys.modules.values()]:
+        if vars(module).get("datetime") is datetime:
+            vars(module)["datetime"] = Wrong
 
 
 def die(_: str) -> None:

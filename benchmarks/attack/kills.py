@@ -1,4 +1,5 @@
-"""Commands that are stopped: killed at a random moment, killed before each change of a disk, interrupted by Ctrl-C.
+"""Commands that are stopped (killed at a random moment or before each change of a disk, interrupted by Ctrl-C), or run
+under a clock that jumps.
 
 After each the store must verify with nothing of before changed, and the same command again must leave what one that
 was not stopped leaves.
@@ -7,6 +8,7 @@ was not stopped leaves.
 from __future__ import annotations
 
 import json
+import random
 import re
 import signal
 import time
@@ -135,6 +137,20 @@ def at_each_change(arena: Arena) -> Outcome:
     return outcome
 
 
+def at_wrong_times(arena: Arena) -> Outcome:
+    """T25."""
+    outcome, subject = Outcome(), wholes(arena)
+    for number in range(arena.tries):
+        whole = subject[number % len(subject)]
+        verb, draw = whole.fresh(arena.folder), f"{arena.seed}, {number}"
+        code, said = verb.ended(partial(children.at_wrong_times, random.Random(draw)))
+        how = f"{whole.verb} under a clock that jumps ({draw})"
+        refused = [f"{how}: exit code {code}: {said[-200:]}"] * (code != 0)
+        outcome.count(*refused, *filter(None, [whole.wrong(verb, how)]))
+    outcome.note = f"{len(subject)} verbs; by up to ten years, otherwise at each look at the clock"
+    return outcome
+
+
 def _dies_at(number: int) -> Callable[[], None]:
     return lambda: children.at_change(number, children.die)
 
@@ -161,4 +177,12 @@ ATTACKS = (
     Attack("T1", "kill -9 at a random time", "nothing lost; the same command finishes it", 2000, 1, at_random),
     Attack("T2", "kill -9 before a change of a disk", "as T1", 600, 1, at_each_change),
     Attack("T18", "Ctrl-C", "exit code 130, no traceback, the same command finishes it", 200, 1, interrupted),
+    Attack(
+        "T25",
+        "a clock that jumps",
+        "nothing else than under a right one; events keep their order",
+        160,
+        1,
+        at_wrong_times,
+    ),
 )
