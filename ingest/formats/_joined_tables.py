@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,30 +20,46 @@ CELLS = 4_000_000  # of a batch, at most
 ROWS = 100_000  # of a batch, at most
 
 Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 
 
 @dataclass
 class OwnTimes:
-    """One table of N records. `cells(k, start, stop)`: of its column k, numbers or texts; `bad`: records without a time
-    or that cannot be read (N,), with `why` and the first bytes of each; `where` each stands in the file."""
+    """One table of `count` records. `times(start, stop)`: of some of them the stamps, and which have none or cannot be
+    read, with `why` and the first bytes of each; `cells(k, start, stop)`: of its column k, numbers or texts; `where`
+    each stands in the file."""
 
     name: str
     columns: tuple[str, ...]
     units: tuple[str, ...]
-    t_ns: Ints
-    bad: NDArray[np.bool_]
+    count: int
+    times: Callable[[int, int], tuple[Ints, Flags]]
     cells: Callable[[int, int, int], NDArray[Any]]
     raw: Callable[[int], bytes]
     why: Callable[[int], str]
     where: Callable[[int], str]
-    row: Ints = field(default_factory=lambda: np.empty(0, np.int64))  # of each record among all rows, rising
+    row: Ints | None = (
+        None  # of each record among all rows, rising; None where each is a row, and no table is beside it
+    )
+
+    def within(self, first: int, end: int) -> tuple[int, int, Ints]:
+        """(start, stop, rows) of the records in the rows from `first` to before `end`."""
+        if self.row is None:
+            return first, end, np.arange(first, end)
+        start, stop = np.searchsorted(self.row, [first, end]).tolist()
+        return start, stop, self.row[start:stop]
+
+
+def held(t_ns: Ints, bad: Flags) -> Callable[[int, int], tuple[Ints, Flags]]:
+    """`OwnTimes.times` of stamps (N,) that are in memory."""
+    return lambda start, stop: (t_ns[start:stop], bad[start:stop])
 
 
 def counted(tables: Sequence[OwnTimes]) -> dict[str, int]:
     """Name of a table -> its records."""
     found: Counter[str] = Counter()
     for table in tables:
-        found[table.name] += len(table.t_ns)
+        found[table.name] += table.count
     return dict(found)
 
 
@@ -69,12 +85,14 @@ class JoinedTables(Log):
         rejected: list[Rejected] = []
         name = iter(names)
         for table in tables:
-            start, stop = np.searchsorted(table.row, [first, end]).tolist()
-            at = table.row[start:stop] - first
-            t_ns[at], fine[at] = table.t_ns[start:stop], ~table.bad[start:stop]
-            for i in (start + np.flatnonzero(table.bad[start:stop])).tolist():
+            start, stop, rows = table.within(first, end)
+            at = rows - first
+            t_ns[at], bad = table.times(start, stop)
+            fine[at] = ~bad
+            for place in np.flatnonzero(bad).tolist():
+                i = start + place
                 where = f'group "{table.name}", record {i + 1:,}'
-                rejected.append(Rejected(int(table.row[i]), where, table.why(i), table.raw(i)))
+                rejected.append(Rejected(int(rows[place]), where, table.why(i), table.raw(i)))
             for place in range(len(table.columns)):
                 cells = table.cells(place, start, stop)
                 column = np.full(end - first, "" if cells.dtype == object else np.nan, cells.dtype)
@@ -89,7 +107,8 @@ class JoinedTables(Log):
 
 def _where(tables: Sequence[OwnTimes], row: int) -> str:
     """Where the records of a row stand in the file, each with its table where there are several."""
-    there = [(table, int(i)) for table in tables for i in np.flatnonzero(table.row == row)]
+    found = ((table, table.within(row, row + 1)) for table in tables)
+    there = [(table, i) for table, (start, stop, _) in found for i in range(start, stop)]
     return "; ".join(f"{table.name}: {table.where(i)}" if len(tables) > 1 else table.where(i) for table, i in there)
 
 
@@ -100,9 +119,7 @@ def _place(tables: Sequence[OwnTimes]) -> int:
     stays behind the latest before it, and the second with one stamp has a row of its own.
     """
     if len(tables) < 2:
-        for table in tables:
-            table.row = np.arange(len(table.t_ns))
-        return sum(len(table.t_ns) for table in tables)
+        return sum(table.count for table in tables)
     whole = np.concatenate([_keys(number, table) for number, table in enumerate(tables)], axis=1)
     order = np.lexsort(whole[::-1])
     again = np.zeros(len(order), np.bool_)
@@ -111,7 +128,7 @@ def _place(tables: Sequence[OwnTimes]) -> int:
         again[1:] |= np.diff(key[order]) != 0
     row = np.empty(len(order), np.int64)
     row[order] = np.cumsum(again) - 1
-    ends = np.cumsum([len(table.t_ns) for table in tables])
+    ends = np.cumsum([table.count for table in tables])
     for table, rows in zip(tables, np.split(row, ends[:-1]), strict=True):
         table.row = rows
     return int(again.sum())
@@ -119,7 +136,8 @@ def _place(tables: Sequence[OwnTimes]) -> int:
 
 def _keys(number: int, table: OwnTimes) -> Ints:
     """What tells the row of a record (4, N): latest stamp so far, place among those, own stamp, whose alone it is."""
-    latest = np.maximum.accumulate(np.where(table.bad, np.iinfo(np.int64).min, table.t_ns))
+    t_ns, bad = table.times(0, table.count)
+    latest = np.maximum.accumulate(np.where(bad, np.iinfo(np.int64).min, t_ns))
     new = np.concatenate([[True], np.diff(latest) != 0])
     begin = np.maximum.accumulate(np.where(new, np.arange(len(latest)), 0))
-    return np.stack([latest, np.arange(len(latest)) - begin, table.t_ns, np.where(table.bad, number + 1, 0)])
+    return np.stack([latest, np.arange(len(latest)) - begin, t_ns, np.where(bad, number + 1, 0)])

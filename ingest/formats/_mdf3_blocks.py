@@ -31,7 +31,7 @@ from ingest.formats._mdf_conversions import (
     as_stored,
     conversion,
 )
-from ingest.formats._mdf_records import Piece, Records, unsorted_records
+from ingest.formats._mdf_records import Part, Piece, Records, Stored, unsorted_records
 
 HEADER_AT = 64
 ORDER_AT = 24  # of the file: 0 where numbers begin with their lowest byte
@@ -93,14 +93,14 @@ class Mdf3:
         if ids > 2 or (ids == 0 and len(groups) > 1):
             raise BrokenBlock(f"is damaged at byte {data_group.at:,}")
         wanted = sum(group.declared * (group.size + min(ids, 1)) for group in groups)
-        data = self._read(at, wanted) if at else b""
-        ended = f"ends at byte {self._size:,} of {at + wanted:,}" if len(data) < wanted else None
+        part = Part(self._file, at, max(0, min(wanted, self._size - at)) if at else 0)
+        ended = f"ends at byte {self._size:,} of {at + wanted:,}" if part.length < wanted else None
         if ids:
-            return replace(unsorted_records(groups, data, 1, ended), pieces=[Piece(0, at)])
+            return replace(unsorted_records(groups, part.read(), 1, ended), pieces=[Piece(0, at)])
         of = {}
         for group in groups:
-            count = min(group.declared, len(data) // group.size) if group.size else 0
-            of[group.at] = np.frombuffer(data, np.uint8, count * group.size).reshape(count, group.size)
+            count = min(group.declared, part.length // group.size) if group.size else 0
+            of[group.at] = Stored([part], count, group.size)
         return Records(groups, of, {}, ended, [Piece(0, at)])
 
     def _group(self, block: OldBlock, id_behind: bool) -> MdfGroup:

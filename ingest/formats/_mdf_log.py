@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import timedelta
+from tempfile import SpooledTemporaryFile
 from typing import IO, TypeVar
 
 from ingest.formats import EARLIEST_NS, EPOCH, LATE_NS, Log
@@ -16,6 +18,7 @@ from ingest.formats._mdf_records import Mdf, Records
 FILE_HEAD = struct.Struct("<8s8s8s4xH30xHH")  # mark, version, program, version, what is not written yet
 START = struct.Struct("<QhhB")  # ns, offsets [min], flags
 HEADER_AT = 64
+IN_MEMORY = 64 << 20  # unpacked bytes; where there are more they wait in a file
 LOCAL_TIME = 1  # flag of a start
 UNFINISHED = b"UnFinMF "
 
@@ -29,7 +32,13 @@ class MdfLog(Log):
     _start_ns: int = 0
     _problems: list[str] = field(default_factory=list)
 
-    def _records(self, file: IO[bytes]) -> Iterator[tuple[Mdf | Mdf3, Records]]:
+    @contextmanager
+    def _opened(self) -> Iterator[Iterator[tuple[Mdf | Mdf3, Records]]]:
+        """The records of each data group, to be read as long as the file is open."""
+        with self.path.open("rb") as file, SpooledTemporaryFile(IN_MEMORY) as waiting:
+            yield self._records(file, waiting)
+
+    def _records(self, file: IO[bytes], waiting: IO[bytes]) -> Iterator[tuple[Mdf | Mdf3, Records]]:
         """The records of each data group; one that is damaged is noted, and the next is read."""
         size = self.path.stat().st_size
         head = file.read(FILE_HEAD.size)
@@ -43,7 +52,7 @@ class MdfLog(Log):
             if self.settings["version"] < "4":
                 yield from self._of_version_3(Mdf3(file, size))
             else:
-                yield from self._of_version_4(Mdf(file, size, open_parts if mark == UNFINISHED else 0))
+                yield from self._of_version_4(Mdf(file, size, open_parts if mark == UNFINISHED else 0, waiting))
         except BrokenBlock as broken:
             self._problems.append(str(broken))
 

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import struct
 import zlib
+from bisect import bisect_right
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from io import SEEK_END
+from itertools import accumulate
 from typing import IO, NamedTuple
 
 import numpy as np
@@ -17,6 +20,7 @@ from ingest.formats._mdf_blocks import HEAD, VLSD_GROUP, Block, BrokenBlock, Mdf
 DATA_GROUP = struct.Struct("<B")
 PACKED = struct.Struct("<2sBxIQQ")
 LENGTH = struct.Struct("<I")  # before each value of variable length
+AT_ONCE = 32 << 20  # bytes of records that are read at once
 RATIO = 1100  # which deflate cannot exceed
 OPEN_LENGTH, OPEN_OFFSETS = 1 << 2, 1 << 6  # of a file that was not finalised: what in it is not written yet
 PLAIN_MARKS = (b"##DT", b"##SD")
@@ -34,13 +38,63 @@ class Piece(NamedTuple):
     packed: bool = False
 
 
+class Part(NamedTuple):
+    """`length` bytes of a data group, from byte `at` of a file on."""
+
+    file: IO[bytes]
+    at: int
+    length: int
+
+    def read(self, start: int = 0, stop: int | None = None) -> bytes:
+        """Some of them."""
+        self.file.seek(self.at + start)
+        return self.file.read((self.length if stop is None else min(stop, self.length)) - start)
+
+
+class Stored:
+    """Records (N, size) that lie in files, in parts, and are read as they are asked for."""
+
+    def __init__(self, parts: Sequence[Part], count: int, size: int) -> None:
+        self._parts, self.shape = parts, (count, size)
+        self._ends = [*accumulate(part.length for part in parts)]
+        self._last: tuple[int, int, Bytes] = (0, 0, np.empty((0, size), np.uint8))  # columns are asked one by one
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def __getitem__(self, some: slice) -> Bytes:
+        count, size = self.shape
+        start, stop, _ = some.indices(count)
+        if self._last[:2] != (start, stop):
+            data = b"".join(self._read(start * size, stop * size))
+            self._last = (start, stop, np.frombuffer(data, np.uint8).reshape(-1, size))
+        return self._last[2]
+
+    def _read(self, start: int, stop: int) -> Iterator[bytes]:
+        """The bytes from `start` to before `stop` of all, a part at a time."""
+        for number in range(bisect_right(self._ends, start), len(self._parts)):
+            part, begin = self._parts[number], self._ends[number] - self._parts[number].length
+            if begin >= stop:
+                return
+            yield part.read(max(0, start - begin), stop - begin)
+
+
+Table = Bytes | Stored
+
+
+def chunks(table: Table, start: int, stop: int) -> Iterator[tuple[int, Bytes]]:
+    """Records from `start` to before `stop` as (number of the first, some of them), at most `AT_ONCE` bytes of them."""
+    step = max(1, AT_ONCE // max(1, table.shape[1]))
+    return ((first, table[first : min(first + step, stop)]) for first in range(start, stop, step))
+
+
 @dataclass(frozen=True)
 class Records:
     """Records of a data group: `of` by the place of their group, each (N, size); `ended`: why they are not whole.
     `begins` of each record (N,) among all bytes, by the place of its group, where there are several kinds."""
 
     groups: tuple[MdfGroup, ...]
-    of: Mapping[int, Bytes]
+    of: Mapping[int, Table]
     values: Mapping[int, bytes]  # of variable length, by the place of their group
     ended: str | None
     pieces: Sequence[Piece] = ()
@@ -55,11 +109,12 @@ class Records:
 
 
 class Mdf(MdfBlocks):
-    """An open file with its records."""
+    """An open file with its records. `waiting`: an empty file for what is unpacked."""
 
-    def __init__(self, file: IO[bytes], size: int, open_parts: int) -> None:
+    def __init__(self, file: IO[bytes], size: int, open_parts: int, waiting: IO[bytes]) -> None:
         super().__init__(file, size, open_parts)
         self._left = most_unpacked(size)
+        self._waiting = waiting
 
     def records(self, data_group: Block) -> Records:
         """All records of a data group. Raises BrokenBlock where its description is none."""
@@ -69,38 +124,45 @@ class Mdf(MdfBlocks):
             raise BrokenBlock(f"is damaged at byte {data_group.at:,}")
         if not any(group.channels for group in groups):
             return Records(groups, {}, {}, None)
-        data, ended, pieces = self.values(link(data_group, 2)) if link(data_group, 2) else (b"", None, [])
-        found = unsorted_records(groups, data, id_size, ended) if id_size else self._sorted(groups, data, ended)
+        parts, ended, pieces = self._found(link(data_group, 2)) if link(data_group, 2) else ([], None, [])
+        if id_size:
+            found = unsorted_records(groups, _joined(parts), id_size, ended)
+        else:
+            found = self._sorted(groups, parts, ended)
         found = replace(found, pieces=pieces)
         lacking = sum(max(0, group.declared - len(found.of[group.at])) for group in groups if group.channels)
         if lacking and not self.open_parts and found.ended is None:
             return replace(found, ended=f"holds {lacking:,} records fewer than it says")
         return found
 
-    def _sorted(self, groups: tuple[MdfGroup, ...], data: Octets, ended: str | None) -> Records:
+    def _sorted(self, groups: tuple[MdfGroup, ...], parts: Sequence[Part], ended: str | None) -> Records:
         """Records of one kind; what stands behind those that a finalised file says it has is none."""
         (group,) = groups
-        count = len(data) // group.size if group.size else 0
-        if self.open_parts and count * group.size < len(data):
+        length = sum(part.length for part in parts)
+        count = length // group.size if group.size else 0
+        if self.open_parts and count * group.size < length:
             ended = ended or "ends inside a record"
         if group.declared and not self.open_parts:
             count = min(count, group.declared)
-        table = np.frombuffer(data, np.uint8, count * group.size).reshape(count, group.size)
-        return Records(groups, {group.at: table}, {}, ended)
+        return Records(groups, {group.at: Stored(parts, count, group.size)}, {}, ended)
 
-    def values(self, at: int) -> tuple[Octets, str | None, list[Piece]]:
+    def values(self, at: int) -> Octets:
+        """The bytes in the data blocks that begin at `at`, as far as they are whole."""
+        return _joined(self._found(at)[0])
+
+    def _found(self, at: int) -> tuple[list[Part], str | None, list[Piece]]:
         """The bytes in the data blocks that begin at `at`, why they are not whole, and where they stand."""
-        found: Octets = b""
-        ended, pieces = None, list[Piece]()
+        ended, parts, pieces, begin = None, list[Part](), list[Piece](), 0
         try:
-            for place, packed, data in self._pieces(at):
-                pieces.append(Piece(len(found), place, packed))
-                found = _longer(found, data)
+            for place, packed, part in self._pieces(at):
+                pieces.append(Piece(begin, place, packed))
+                parts.append(part)
+                begin += part.length
         except BrokenBlock as broken:
             ended = str(broken)
-        return found, ended, pieces
+        return parts, ended, pieces
 
-    def _pieces(self, at: int) -> Iterator[tuple[int, bool, bytes]]:
+    def _pieces(self, at: int) -> Iterator[tuple[int, bool, Part]]:
         """(byte of the file, whether a packed block stands there, bytes) of each block."""
         mark, length, _ = self.head(at)
         if mark == b"##HL":
@@ -113,18 +175,24 @@ class Mdf(MdfBlocks):
         else:
             yield from self._piece(at, mark, length)
 
-    def _piece(self, at: int, mark: bytes, length: int) -> Iterator[tuple[int, bool, bytes]]:
+    def _piece(self, at: int, mark: bytes, length: int) -> Iterator[tuple[int, bool, Part]]:
         if mark == b"##DZ":
-            yield at, True, self._unpacked(at, length)
+            yield at, True, self._kept(self._unpacked(at, length))
             return
         if mark not in PLAIN_MARKS or length < HEAD.size:
             raise BrokenBlock(f"is damaged at byte {at:,}")
-        end = at + length
+        end, begin = at + length, at + HEAD.size
         if self.open_parts & OPEN_LENGTH and mark == b"##DT" and self.read(end, 2) != b"##":
             end = self._size
-        yield at + HEAD.size, False, self.read(at + HEAD.size, min(end, self._size) - at - HEAD.size)
+        yield begin, False, Part(self._file, begin, max(0, min(end, self._size) - begin))
         if end > self._size:
             raise BrokenBlock(f"ends at byte {self._size:,} of {end:,}")
+
+    def _kept(self, data: bytes) -> Part:
+        """Unpacked bytes, to be read again."""
+        at = self._waiting.seek(0, SEEK_END)
+        self._waiting.write(data)
+        return Part(self._waiting, at, len(data))
 
     def _unpacked(self, at: int, length: int) -> bytes:
         if at + length > self._size or length < HEAD.size + PACKED.size:
@@ -145,12 +213,13 @@ class Mdf(MdfBlocks):
         return _upright(data, columns) if method else data
 
 
-def _longer(found: Octets, data: bytes) -> Octets:
-    """`found` with `data` behind it; what stands first is not copied before more comes."""
-    if not found:
-        return data
-    whole = found if isinstance(found, bytearray) else bytearray(found)
-    whole += data
+def _joined(parts: Sequence[Part]) -> Octets:
+    """All bytes of some parts; those of a single one are not copied."""
+    if len(parts) == 1:
+        return parts[0].read()
+    whole = bytearray()
+    for part in parts:
+        whole += part.read()
     return whole
 
 

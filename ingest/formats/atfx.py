@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from ingest.formats import Rows
 from ingest.formats._csv_clocks import UNITS_NS
 from ingest.formats._csv_time import base_and_unit, is_time_name
-from ingest.formats._joined_tables import JoinedTables, OwnTimes, counted
+from ingest.formats._joined_tables import JoinedTables, OwnTimes, counted, held
 
 MEASUREMENT, QUANTITY, SUBMATRIX, COLUMN, UNIT = (
     *("aomeasurement", "aomeasurementquantity", "aosubmatrix", "aolocalcolumn", "aounit"),
@@ -138,8 +138,8 @@ class AtfxLog(JoinedTables):
             name=name,
             columns=tuple(one.name for one in kept),
             units=tuple(one.unit for one in kept),
-            t_ns=t_ns,
-            bad=bad,
+            count=len(t_ns),
+            times=held(t_ns, bad),
             cells=lambda place, start, stop: _cells(kept[place], start, stop),
             raw=lambda i: str(clock.values[i]).encode(),
             why=lambda i: NO_TIME if clock.missing[i] else BAD_TIME,

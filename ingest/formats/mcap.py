@@ -31,7 +31,7 @@ from ingest.formats import EARLIEST_NS, LATE_NS, Rows
 from ingest.formats import _cdr as cdr
 from ingest.formats import _protobuf as protobuf
 from ingest.formats._flattened import NotRead, Numbers, decoded_json
-from ingest.formats._joined_tables import JoinedTables, OwnTimes, counted
+from ingest.formats._joined_tables import JoinedTables, OwnTimes, counted, held
 
 DAMAGE = (
     *(McapError, ValueError, KeyError, AssertionError, EOFError, struct.error, RuntimeError, zstandard.ZstdError),
@@ -228,8 +228,8 @@ def _table(topic: _Topic, origin_ns: int, where: Callable[[int], str]) -> OwnTim
         name=topic.name,
         columns=tuple(f"{topic.name}.{name}" if name else topic.name for name in (*names, *delays)),
         units=(*[topic.unit] * len(names), *["s"] * len(delays)),
-        t_ns=stamps + origin_ns,
-        bad=bad,
+        count=len(stamps),
+        times=held(stamps + origin_ns, bad),
         cells=cells,
         raw=lambda i: why(i)[1],
         why=lambda i: why(i)[0],

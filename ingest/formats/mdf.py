@@ -23,12 +23,11 @@ from ingest.formats import LATE_NS, Rows
 from ingest.formats._joined_tables import JoinedTables, OwnTimes, counted
 from ingest.formats._mdf_blocks import BrokenBlock, MdfChannel
 from ingest.formats._mdf_log import MdfLog
-from ingest.formats._mdf_records import Records
+from ingest.formats._mdf_records import Records, Table, chunks
 from ingest.formats._mdf_values import TEXTS, TIMES, VIRTUAL, invalid, stored, values
 
 TIME = 1  # what a master stands for
 FIXED = (0, 2)  # kinds of a channel that lies in its record
-TOGETHER = 1 << 20  # records whose stamps are made at once: memory holds little beside the file
 SHOWN = 64  # first bytes of a rejected record
 FARTHEST_S = 1e9  # after the start
 SINCE_1970_S = (1e9, 4e9)  # stamps of the years 2001 to 2096: some writers give them in place of times since the start
@@ -41,7 +40,8 @@ Flags = NDArray[np.bool_]
 
 @dataclass
 class MdfTables(MdfLog, JoinedTables):
-    """An MDF file of channels, read as a whole; its rows come in bounded memory."""
+    """An MDF file of channels, read in bounded memory where it has one group. Of several all stamps are held, and of
+    groups whose records are not sorted the records."""
 
     _left: list[str] = field(default_factory=list)
     _unread: dict[str, str] = field(default_factory=dict)
@@ -49,14 +49,14 @@ class MdfTables(MdfLog, JoinedTables):
 
     def batches(self) -> Iterator[Rows]:
         """Rows in the order of time. Raises UnreadableLogError where no row can be read."""
-        with self.path.open("rb") as file:
-            tables = [table for _, records in self._records(file) for table in self._tables(records)]
-        self.settings["groups"] = counted(tables)
-        if self._left:
-            self.settings["left_out"] = self._left
-        if self._unread:
-            self.settings["unconverted"] = self._unread
-        yield from self._joined(tables)
+        with self._opened() as found:
+            tables = [table for _, records in found for table in self._tables(records)]
+            self.settings["groups"] = counted(tables)
+            if self._left:
+                self.settings["left_out"] = self._left
+            if self._unread:
+                self.settings["unconverted"] = self._unread
+            yield from self._joined(tables)
         self.settings |= {what: dict(sorted(found.items())) for what, found in self._missing.items() if found}
         why = self.rejected[0].why if self.rejected else "it holds no channel of numbers"
         self.end_rows(
@@ -75,7 +75,7 @@ class MdfTables(MdfLog, JoinedTables):
             if kept:
                 yield self._table(name, kept, records, clock, partial(found.where, group))
 
-    def _keep(self, channel: MdfChannel, group: str, records: NDArray[np.uint8]) -> bool:
+    def _keep(self, channel: MdfChannel, group: str, records: Table) -> bool:
         """Whether a channel is a column; else it is named with why not."""
         called = f"{group}/{channel.name}"
         if channel.is_array or channel.form >= TEXTS or channel.kind not in (*FIXED, *VIRTUAL):
@@ -84,6 +84,10 @@ class MdfTables(MdfLog, JoinedTables):
         if channel.conversion.refused:
             self._unread[called] = channel.conversion.refused
             return False
+        return self._is_whole(channel, records)
+
+    def _is_whole(self, channel: MdfChannel, records: Table) -> bool:
+        """Whether a channel lies in its records; else that is noted."""
         try:
             stored(records[:1], channel)
         except BrokenBlock as broken:
@@ -95,52 +99,61 @@ class MdfTables(MdfLog, JoinedTables):
         self,
         name: str,
         kept: tuple[MdfChannel, ...],
-        records: NDArray[np.uint8],
+        records: Table,
         clock: MdfChannel | None,
         where: Callable[[int], str],
     ) -> OwnTimes:
-        seconds = np.full(len(records), np.nan)
-        if clock is not None:
-            try:
-                for at in range(0, len(records), TOGETHER):
-                    some = records[at : at + TOGETHER]
-                    seconds[at : at + TOGETHER] = np.where(invalid(some, clock), np.nan, values(some, clock, at))
-            except BrokenBlock as broken:
-                self._problems.append(str(broken))
-        t_ns, bad = self._stamps(seconds)
+        known = clock is not None and self._is_whole(clock, records)
+
+        def seconds(first: int, some: NDArray[np.uint8]) -> NDArray[np.float64]:
+            if clock is None or not known:
+                return np.full(len(some), np.nan)
+            return np.where(invalid(some, clock), np.nan, values(some, clock, first))
+
+        parts = (seconds(first, some) for first, some in chunks(records, 0, len(records)))
+        since_1970 = self._is_since_1970(parts)
+
+        def times(start: int, stop: int) -> tuple[Ints, Flags]:
+            found = [self._stamps(seconds(*part), since_1970) for part in chunks(records, start, stop)]
+            return np.concatenate([np.empty(0, np.int64), *(t_ns for t_ns, _ in found)]), np.concatenate(
+                [np.empty(0, np.bool_), *(bad for _, bad in found)]
+            )
 
         def cells(place: int, start: int, stop: int) -> NDArray[Any]:
-            return _cells(records[start:stop], kept[place], start, f"{name}/{kept[place].name}", self._missing)
+            called = f"{name}/{kept[place].name}"
+            found = [
+                _cells(some, kept[place], first, called, self._missing) for first, some in chunks(records, start, stop)
+            ]
+            return found[0] if len(found) == 1 else np.concatenate([np.empty(0), *found])
 
         return OwnTimes(
             name=name,
             columns=tuple(one.name for one in kept),
             units=tuple(one.unit for one in kept),
-            t_ns=t_ns,
-            bad=bad,
+            count=len(records),
+            times=times,
             cells=cells,
-            raw=lambda i: records[i, :SHOWN].tobytes(),
+            raw=lambda i: records[i : i + 1][0, :SHOWN].tobytes(),
             why=lambda i: NO_TIME if clock is None else BAD_TIME,
             where=where,
         )
 
-    def _stamps(self, seconds: NDArray[np.float64]) -> tuple[Ints, Flags]:
-        """(t_ns, whether there is none) of each record (N,). Seconds of a year that logs are from count from 1970."""
-        known = seconds[np.isfinite(seconds)]
+    def _is_since_1970(self, seconds: Iterator[NDArray[np.float64]]) -> bool:
+        """Whether the times of a group count from 1970: they are of a year that logs are from."""
+        known = next((some for part in seconds if len(some := part[np.isfinite(part)])), np.empty(0))
         since_1970 = bool(len(known) and SINCE_1970_S[0] <= np.median(known) <= SINCE_1970_S[1])
-        del known
         if since_1970:
             self.absolute = True
             self.settings["time"] = "s since 1970"
-        t_ns, bad = np.empty(len(seconds), np.int64), np.empty(len(seconds), np.bool_)
-        for at in range(0, len(seconds), TOGETHER):
-            part = slice(at, at + TOGETHER)
-            bad[part] = ~(np.abs(seconds[part]) < (SINCE_1970_S[1] if since_1970 else FARTHEST_S))
-            some = np.where(bad[part], 0.0, seconds[part])
-            since = np.rint(some * 1e6).astype(np.int64) * 1000 if since_1970 else np.rint(some * 1e9).astype(np.int64)
-            t_ns[part] = since + (0 if since_1970 else self._start_ns)
-            bad[part] |= (t_ns[part] < 0) | (t_ns[part] >= LATE_NS)
-        return t_ns, bad
+        return since_1970
+
+    def _stamps(self, seconds: NDArray[np.float64], since_1970: bool) -> tuple[Ints, Flags]:
+        """(t_ns, whether there is none) of some records (N,)."""
+        bad = ~(np.abs(seconds) < (SINCE_1970_S[1] if since_1970 else FARTHEST_S))
+        some = np.where(bad, 0.0, seconds)
+        since = np.rint(some * 1e6).astype(np.int64) * 1000 if since_1970 else np.rint(some * 1e9).astype(np.int64)
+        t_ns = since + (0 if since_1970 else self._start_ns)
+        return t_ns, bad | (t_ns < 0) | (t_ns >= LATE_NS)
 
 
 def _cells(

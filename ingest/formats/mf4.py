@@ -33,7 +33,7 @@ from ingest.formats._frame_lines import (
     SHOWN,
     Ints,
 )
-from ingest.formats._mdf_blocks import Block, BrokenBlock, MdfChannel, MdfGroup
+from ingest.formats._mdf_blocks import Block, BrokenBlock, MdfBlocks, MdfChannel, MdfGroup
 from ingest.formats._mdf_log import HEADER_AT, MdfLog
 from ingest.formats._mdf_records import LENGTH, OPEN_OFFSETS, Mdf, Octets, Records, gathered
 from ingest.formats._mdf_values import TEXTS, TIMES, VIRTUAL, values
@@ -83,8 +83,8 @@ class Mf4Log(MdfLog):
 
     def batches(self) -> Iterator[Frames]:
         """Frames in the order of time. Raises UnreadableLogError where the file holds none."""
-        with self.path.open("rb") as file:
-            groups = ((mdf, records) for mdf, records in self._records(file) if isinstance(mdf, Mdf))
+        with self._opened() as found:
+            groups = ((mdf, records) for mdf, records in found if isinstance(mdf, Mdf))
             parts = [part for mdf, records in groups for part in self._parts(mdf, records)]
         self.settings["other_records"] = dict(sorted(self._other.items()))
         self.found = sum(len(part.t_ns) for part in parts)
@@ -111,7 +111,7 @@ class Mf4Log(MdfLog):
     def _part(
         self, mdf: Mdf, records: Records, group: MdfGroup, kind: str, channels: Mapping[str, MdfChannel]
     ) -> _Part:
-        table = records.of[group.at]
+        table = records.of[group.at][:]
 
         def value(name: str, otherwise: int = 0) -> Ints:
             channel = channels.get(name)
@@ -229,7 +229,7 @@ def _payload(
         return table.reshape(-1), np.arange(count) * size + channel.byte, np.full(count, held)
     apart: Octets | None = records.values.get(channel.values_at)
     if apart is None:
-        apart = mdf.values(channel.values_at)[0] if channel.values_at else b""
+        apart = mdf.values(channel.values_at) if channel.values_at else b""
     offsets = _integers(table, channel)
     if mdf.open_parts & OPEN_OFFSETS:
         offsets = _in_turn(apart, count)
@@ -268,14 +268,14 @@ def _integers(table: NDArray[np.uint8], channel: MdfChannel) -> Ints:
 def claims(path: Path) -> bool:
     """Whether an MF4 file says that it holds frames."""
     with path.open("rb") as file, suppress(BrokenBlock):
-        mdf = Mdf(file, path.stat().st_size, 0)
+        mdf = MdfBlocks(file, path.stat().st_size, 0)
         groups = islice(_groups(mdf), MOST_GROUPS)
         names = (name for group in groups for name in islice(mdf.names(group), MOST_NAMES))
         return any((match := NAME.search(name)) and match[1] in FRAMES for name in names)
     return False
 
 
-def _groups(mdf: Mdf) -> Iterator[Block]:
+def _groups(mdf: MdfBlocks) -> Iterator[Block]:
     header = mdf.block(HEADER_AT, b"##HD")
     for data_group in mdf.chain(header.links[0] if header.links else 0, b"##DG"):
         yield from mdf.channel_groups(data_group)

@@ -24,7 +24,7 @@ from ingest.errors import UnreadableLogError
 from ingest.formats import EARLIEST_NS, EPOCH, LATE_NS, Rejected, Rows, utc_ns
 from ingest.formats._csv_clocks import LATEST_NS, UNITS_NS
 from ingest.formats._csv_time import base_and_unit, is_time_name, rises
-from ingest.formats._joined_tables import JoinedTables, OwnTimes
+from ingest.formats._joined_tables import JoinedTables, OwnTimes, held
 from ingest.formats._tdms_file import (
     TdmsFile,
     is_number,
@@ -163,8 +163,8 @@ class TdmsLog(JoinedTables):
             name=channels[0].group_name,
             columns=tuple(self._names[id(one)] for one in channels),
             units=("",) * len(channels),
-            t_ns=t_ns,
-            bad=bad,
+            count=length,
+            times=held(t_ns, bad),
             cells=lambda place, start, stop: self._column(channels[place], True, start, stop - start),
             raw=raw,
             why=lambda _: _why(base),
