@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import Log, open_log, recognise
+from ingest.formats import Log, _joined_tables, _mdf_log, _mdf_records, open_log, recognise
+from ingest.formats._mdf_records import Part
 from ingest.intake.inspection import inspect
 from made.mdf import (
     FLOAT,
@@ -74,6 +75,36 @@ def test_a_row_is_what_all_groups_say_at_one_time(tmp_path: Path) -> None:
     assert (log.found, list(log.rejected), log.cut, log.absolute) == (3, [], None, True)
     assert log.units == {"Oven/x": "degC"}
     assert log.settings["groups"] == {"Oven": 3, "slow": 2}
+
+
+def test_records_of_one_group_are_read_a_part_at_a_time_packed_or_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    content = records(*((0.5 * k, k) for k in range(3000)))
+    file = Mdf4()
+    cuts = [content[first : first + 7001] for first in range(0, len(content), 7001)]
+    pieces = [file.block(b"DT", (), cut) if k % 2 else file.packed(cut) for k, cut in enumerate(cuts)]
+    listed = file.block(b"DL", (0, *pieces), struct.pack("<B3xI", 0, len(pieces)))
+    channels = file.measured("g", (SECONDS, RAW), 3000, 10)
+    path = file.save(tmp_path / "log.mf4", file.data_group(channels, listed), start_ns=START_NS)
+    read, most = Part.read, 0
+
+    def counted(part: Part, start: int = 0, stop: int | None = None) -> bytes:
+        nonlocal most
+        found = read(part, start, stop)
+        most = max(most, len(found))
+        return found
+
+    monkeypatch.setattr(Part, "read", counted)
+    for module, name, most_bytes in (
+        (_mdf_records, "AT_ONCE", 555),
+        (_mdf_log, "IN_MEMORY", 100),
+        (_joined_tables, "ROWS", 1000),
+    ):
+        monkeypatch.setattr(module, name, most_bytes)
+    log, columns = table(path)
+    assert columns["t"] == [0.5 * k for k in range(3000)] and columns["x"] == [*range(3000)]
+    assert (log.found, len(log.rejected), log.cut) == (3000, 0, None) and most <= 550
 
 
 def text_refs(file: Mdf4, *texts: str) -> list[int]:
