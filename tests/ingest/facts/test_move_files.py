@@ -152,6 +152,9 @@ def test_what_is_there_already_or_of_others_is_not_moved(
     bucket.objects["store/notes.txt"] = b"mine"
     with pytest.raises(StoreError, match=r"^s3://lab/store: is not empty, and holds no files of a store"):
         move_files(folder, bucket.url())
+    bucket.objects["store/whyhot.json"] = b"31\r\n{"
+    with pytest.raises(StoreError, match=r"^s3://lab/store: holds the files of a store: give another prefix"):
+        move_files(folder, bucket.url())
     del bucket.objects["store/notes.txt"]
     with Store.open(tmp_path / "other", create=True) as store:
         put(store, "z")
