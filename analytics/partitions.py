@@ -39,7 +39,7 @@ ORDER BY ALL
 """
 
 
-class Kept(NamedTuple):
+class PartitionFolders(NamedTuple):
     """`folder`: where partitions lie; `work`: one on the same disk for files that are not whole yet, as what lies in
     `folder` and is none of theirs is removed by others that are at work."""
 
@@ -94,7 +94,7 @@ def create(connection: duckdb.DuckDBPyConnection, folder: Path | None, code: str
     return parts
 
 
-def keep(connection: duckdb.DuckDBPyConnection, to: Kept, parts: Mapping[Partition, Path | None]) -> None:
+def keep(connection: duckdb.DuckDBPyConnection, to: PartitionFolders, parts: Mapping[Partition, Path | None]) -> None:
     """Write the partitions that have no file yet, and remove those of other facts or other code. Raises OSError where
     a folder cannot be written."""
     kept = {file or _write(connection, part, to) for part, file in parts.items()}
@@ -130,7 +130,7 @@ def _insert(connection: duckdb.DuckDBPyConnection, table: str, rows: pa.Table) -
     connection.unregister("new_rows")
 
 
-def _write(connection: duckdb.DuckDBPyConnection, part: Partition, to: Kept) -> Path:
+def _write(connection: duckdb.DuckDBPyConnection, part: Partition, to: PartitionFolders) -> Path:
     """Write the rows of a partition, whole under its name or not at all. Returns its file."""
     whose = {"holds": part.holds, "motors": part.motors, "month": part.month}
     rows = connection.sql(ROWS.format(holds=part.holds), params=whose).to_arrow_table()

@@ -105,7 +105,7 @@ def build(store: Store, target: Path, source: Mapping[str, str]) -> None:
         with scratch(target.parent, BUILDING) as folder:
             made = folder / target.name
             with _database(str(made), default_block_size=BLOCK, memory_limit=BUILD_MEMORY) as connection:
-                kept = partitions.Kept(target.parent / partitions.FOLDER, folder)
+                kept = partitions.PartitionFolders(target.parent / partitions.FOLDER, folder)
                 fill(connection, rows, source, store.bucket, kept)
                 connection.execute("CHECKPOINT")  # what fails only when it is closed, DuckDB does not say
             made.replace(target)
@@ -174,7 +174,7 @@ def fill(
     rows: dict[str, tables.Rows],
     source: Mapping[str, str] | None = None,
     bucket: Bucket | None = None,
-    kept: partitions.Kept | None = None,
+    kept: partitions.PartitionFolders | None = None,
 ) -> None:
     """Make all tables, views and macros in an empty database, from the rows of `analytics.tables`, which are taken out
     of `rows`: the facts behind them take no memory while logs are read. `bucket`: where the Parquet files lie that they

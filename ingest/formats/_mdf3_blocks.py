@@ -31,7 +31,7 @@ from ingest.formats._mdf_conversions import (
     as_stored,
     conversion,
 )
-from ingest.formats._mdf_records import Part, Piece, Records, Stored, unsorted_records
+from ingest.formats._mdf_records import FileBytes, Piece, Records, Stored, unsorted_records
 
 HEADER_AT = 64
 ORDER_AT = 24  # of the file: 0 where numbers begin with their lowest byte
@@ -93,7 +93,7 @@ class Mdf3:
         if ids > 2 or (ids == 0 and len(groups) > 1):
             raise BrokenBlock(f"is damaged at byte {data_group.at:,}")
         wanted = sum(group.declared * (group.size + min(ids, 1)) for group in groups)
-        part = Part(self._file, at, max(0, min(wanted, self._size - at)) if at else 0)
+        part = FileBytes(self._file, at, max(0, min(wanted, self._size - at)) if at else 0)
         ended = f"ends at byte {self._size:,} of {at + wanted:,}" if part.length < wanted else None
         if ids:
             return replace(unsorted_records(groups, part.read(), 1, ended), pieces=[Piece(0, at)])

@@ -38,7 +38,7 @@ class Piece(NamedTuple):
     packed: bool = False
 
 
-class Part(NamedTuple):
+class FileBytes(NamedTuple):
     """`length` bytes of a data group, from byte `at` of a file on."""
 
     file: IO[bytes]
@@ -54,7 +54,7 @@ class Part(NamedTuple):
 class Stored:
     """Records (N, size) that lie in files, in parts, and are read as they are asked for."""
 
-    def __init__(self, parts: Sequence[Part], count: int, size: int) -> None:
+    def __init__(self, parts: Sequence[FileBytes], count: int, size: int) -> None:
         self._parts, self.shape = parts, (count, size)
         self._ends = [*accumulate(part.length for part in parts)]
         self._last: tuple[int, int, Bytes] = (0, 0, np.empty((0, size), np.uint8))  # columns are asked one by one
@@ -135,7 +135,7 @@ class Mdf(MdfBlocks):
             return replace(found, ended=f"holds {lacking:,} records fewer than it says")
         return found
 
-    def _sorted(self, groups: tuple[MdfGroup, ...], parts: Sequence[Part], ended: str | None) -> Records:
+    def _sorted(self, groups: tuple[MdfGroup, ...], parts: Sequence[FileBytes], ended: str | None) -> Records:
         """Records of one kind; what stands behind those that a finalised file says it has is none."""
         (group,) = groups
         length = sum(part.length for part in parts)
@@ -150,9 +150,9 @@ class Mdf(MdfBlocks):
         """The bytes in the data blocks that begin at `at`, as far as they are whole."""
         return _joined(self._found(at)[0])
 
-    def _found(self, at: int) -> tuple[list[Part], str | None, list[Piece]]:
+    def _found(self, at: int) -> tuple[list[FileBytes], str | None, list[Piece]]:
         """The bytes in the data blocks that begin at `at`, why they are not whole, and where they stand."""
-        ended, parts, pieces, begin = None, list[Part](), list[Piece](), 0
+        ended, parts, pieces, begin = None, list[FileBytes](), list[Piece](), 0
         try:
             for place, packed, part in self._pieces(at):
                 pieces.append(Piece(begin, place, packed))
@@ -162,7 +162,7 @@ class Mdf(MdfBlocks):
             ended = str(broken)
         return parts, ended, pieces
 
-    def _pieces(self, at: int) -> Iterator[tuple[int, bool, Part]]:
+    def _pieces(self, at: int) -> Iterator[tuple[int, bool, FileBytes]]:
         """(byte of the file, whether a packed block stands there, bytes) of each block."""
         mark, length, _ = self.head(at)
         if mark == b"##HL":
@@ -175,7 +175,7 @@ class Mdf(MdfBlocks):
         else:
             yield from self._piece(at, mark, length)
 
-    def _piece(self, at: int, mark: bytes, length: int) -> Iterator[tuple[int, bool, Part]]:
+    def _piece(self, at: int, mark: bytes, length: int) -> Iterator[tuple[int, bool, FileBytes]]:
         if mark == b"##DZ":
             yield at, True, self._kept(self._unpacked(at, length))
             return
@@ -184,15 +184,15 @@ class Mdf(MdfBlocks):
         end, begin = at + length, at + HEAD.size
         if self.open_parts & OPEN_LENGTH and mark == b"##DT" and self.read(end, 2) != b"##":
             end = self._size
-        yield begin, False, Part(self._file, begin, max(0, min(end, self._size) - begin))
+        yield begin, False, FileBytes(self._file, begin, max(0, min(end, self._size) - begin))
         if end > self._size:
             raise BrokenBlock(f"ends at byte {self._size:,} of {end:,}")
 
-    def _kept(self, data: bytes) -> Part:
+    def _kept(self, data: bytes) -> FileBytes:
         """Unpacked bytes, to be read again."""
         at = self._waiting.seek(0, SEEK_END)
         self._waiting.write(data)
-        return Part(self._waiting, at, len(data))
+        return FileBytes(self._waiting, at, len(data))
 
     def _unpacked(self, at: int, length: int) -> bytes:
         if at + length > self._size or length < HEAD.size + PACKED.size:
@@ -213,7 +213,7 @@ class Mdf(MdfBlocks):
         return _upright(data, columns) if method else data
 
 
-def _joined(parts: Sequence[Part]) -> Octets:
+def _joined(parts: Sequence[FileBytes]) -> Octets:
     """All bytes of some parts; those of a single one are not copied."""
     if len(parts) == 1:
         return parts[0].read()

@@ -17,6 +17,7 @@ import pytest
 from analytics import partitions, warehouse
 from analytics.errors import AnalyticsError
 from analytics.query import run
+from ingest.facts.durable import write_file
 from ingest.facts.store import Store
 from made.insulation_logs import Columns, add_log, decoded_anew
 from made.places import on_disk
@@ -126,12 +127,12 @@ def test_two_versions_that_make_the_tables_of_one_store_at_once_both_answer(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     add_log(store, "check", "dc_check", 0.0, CHECK)
-    write, others = partitions.write_file, list[list[tuple[Any, ...]]]()
+    others: list[list[tuple[Any, ...]]] = []
 
     def written_while_another_works(folder: Path, chunks: Iterable[bytes]) -> Path:
-        made = write(folder, chunks)
+        made = write_file(folder, chunks)
         with pytest.MonkeyPatch.context() as other:
-            other.setattr(partitions, "write_file", write)
+            other.setattr(partitions, "write_file", write_file)
             other.setattr(warehouse, "_own_hash", lambda: "another version")
             others.append(ask(store))
         return made

@@ -11,7 +11,7 @@ import pytest
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import Log, _joined_tables, _mdf_log, _mdf_records, open_log, recognise
-from ingest.formats._mdf_records import Part
+from ingest.formats._mdf_records import FileBytes
 from ingest.intake.inspection import inspect
 from made.mdf import (
     FLOAT,
@@ -87,15 +87,15 @@ def test_records_of_one_group_are_read_a_part_at_a_time_packed_or_not(
     listed = file.block(b"DL", (0, *pieces), struct.pack("<B3xI", 0, len(pieces)))
     channels = file.measured("g", (SECONDS, RAW), 3000, 10)
     path = file.save(tmp_path / "log.mf4", file.data_group(channels, listed), start_ns=START_NS)
-    read, most = Part.read, 0
+    read, most = FileBytes.read, 0
 
-    def counted(part: Part, start: int = 0, stop: int | None = None) -> bytes:
+    def counted(part: FileBytes, start: int = 0, stop: int | None = None) -> bytes:
         nonlocal most
         found = read(part, start, stop)
         most = max(most, len(found))
         return found
 
-    monkeypatch.setattr(Part, "read", counted)
+    monkeypatch.setattr(FileBytes, "read", counted)
     for module, name, most_bytes in (
         (_mdf_records, "AT_ONCE", 555),
         (_mdf_log, "IN_MEMORY", 100),
