@@ -1,19 +1,20 @@
 """How much memory `ingest` and `show` of a long log take, next to the bound that the program keeps.
 
-    python benchmarks/memory.py [--quick] [--json FILE] [--mb N] [--formats blf,asc,csv,log,mf4,tdms,xlsx]
+    python benchmarks/memory.py [--quick] [--json FILE] [--mb N] [--formats blf,asc,csv,log,db,lvm,mf4,tdms,xlsx]
 
-One message at 4,000 frames a second, as a log of each format (`log` is candump's; `csv`, `mf4`, `tdms` and `xlsx` are
-tables with a row a frame, a full sheet of `xlsx` with as many columns as it takes), of as many megabytes as `--mb` says
-(2000 for 2 GB), with a bench file for its four signals. Each verb is a command of its own. Of it is printed what all
-its processes held at once at most (`all`: what they share is counted in each), and the largest of them (`largest`), as
-the system counts it: Linux only. What is held is looked at 50 times a second. The exit code is 1 where one is above the
-bound.
+One message at 4,000 frames a second, as a log of each format (`log` is candump's, `db` python-can's; `csv`, `lvm`,
+`mf4`, `tdms` and `xlsx` are tables with a row a frame, a full sheet of `xlsx` with as many columns as it takes), of as
+many megabytes as `--mb` says (2000 for 2 GB), with a bench file for its four signals. Each verb is a command of its
+own. Of it is printed what all its processes held at once at most (`all`: what they share is counted in each), and the
+largest of them (`largest`), as the system counts it: Linux only. What is held is looked at 50 times a second. The exit
+code is 1 where one is above the bound.
 """
 
 from __future__ import annotations
 
 import os
 import resource
+import sqlite3
 import subprocess
 import sys
 import tempfile
@@ -21,6 +22,7 @@ import time
 import zipfile
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import closing
 from functools import partial
 from io import BytesIO
 from pathlib import Path
@@ -44,16 +46,20 @@ PROBE = 20_000  # frames that tell how many a megabyte holds
 EVERY_S = 0.02
 CODE = "import sys; from replay.cli import main; sys.exit(main())"
 STEP_US = 250
-TABLES = ("csv", "mf4", "tdms", "xlsx")
+TABLES = ("csv", "lvm", "mf4", "tdms", "xlsx")
 LINES = {  # of a frame: when, and its eight bytes in hexadecimal
     "asc": b"%d.%06d 1 100 Rx d 8 %s\n",
     "log": b"(%d.%06d) can0 100#%s\n",
     "csv": b"%d.%06d,%s\n",
+    "lvm": b"%d.%06d\t%s\n",
 }
+BETWEEN = {"csv": b",", "lvm": b"\t"}  # cells
 HEADS = {
     "asc": b"date Tue Mar 4 08:00:00.000 2025\nbase hex timestamps absolute\nno internal events logged\n",
     "log": b"",
     "csv": b"time,w0,w1,w2,w3\n",
+    "lvm": b"LabVIEW Measurement\nSeparator\tTab\nX_Columns\tOne\n***End_of_Header***\nChannels\t4\n"
+    b"***End_of_Header***\nX_Value\tw0\tw1\tw2\tw3\tComment\n",
 }
 DATABASE = 'VERSION ""\nBU_: BENCH\nBO_ 256 Words: 8 BENCH\n' + "".join(
     f' SG_ w{k} : {16 * k}|16@1+ (0.1,-40) [0|0] "degC" BENCH\n' for k in range(4)
@@ -87,7 +93,7 @@ def _one(form: str, size: int) -> dict[str, Any]:
 
 def write_setup(folder: Path, form: str, size: int) -> int:
     """The log of about `size` bytes, bench file and database; how many frames it has."""
-    writers = {"blf": write_blf, "mf4": _write_mf4, "tdms": _write_tdms, "xlsx": _write_xlsx}
+    writers = {"blf": write_blf, "db": _write_db, "mf4": _write_mf4, "tdms": _write_tdms, "xlsx": _write_xlsx}
     path, write = folder / f"log.{form}", writers.get(form, partial(_write_lines, form))
     write(path, PROBE)
     frames = PROBE * size // path.stat().st_size
@@ -103,8 +109,8 @@ def write_setup(folder: Path, form: str, size: int) -> int:
 def _write_lines(form: str, path: Path, count: int) -> None:
     """So many frames as lines; their values come again after each `PROBE`."""
     words = _words()
-    if form == "csv":
-        values = [b",".join(b"%.1f" % value for value in row) for row in (0.1 * words - 40).tolist()]
+    if form in BETWEEN:
+        values = [BETWEEN[form].join(b"%.1f" % value for value in row) for row in (0.1 * words - 40).tolist()]
     else:
         values = [row.tobytes().hex(*[" "] * (form == "asc")).encode() for row in words]
     with path.open("wb") as file:
@@ -112,6 +118,20 @@ def _write_lines(form: str, path: Path, count: int) -> None:
         for first in range(0, count, PROBE):
             stamps = (divmod(number * STEP_US, 1_000_000) for number in range(first, min(first + PROBE, count)))
             file.writelines(LINES[form] % (*stamp, value) for stamp, value in zip(stamps, values, strict=False))
+
+
+def _write_db(path: Path, count: int) -> None:
+    """A database as python-can writes it."""
+    path.unlink(missing_ok=True)
+    words = [row.tobytes() for row in _words()]
+    rows = ((0x100, number * STEP_US / 1e6, words[number % PROBE]) for number in range(count))
+    with closing(sqlite3.connect(path)) as database:
+        database.execute(
+            "CREATE TABLE messages(ts REAL, arbitration_id INTEGER, extended INTEGER, remote INTEGER, error INTEGER, "
+            "dlc INTEGER, data BLOB)"
+        )
+        database.executemany("INSERT INTO messages VALUES (?2, ?1, 0, 0, 0, 8, ?3)", rows)
+        database.commit()
 
 
 def _words() -> NDArray[np.uint16]:
