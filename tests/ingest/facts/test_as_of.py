@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime, tzinfo
 from pathlib import Path
 
 import pytest
 
 from ingest.errors import LedgerError
-from ingest.facts import facts
+from ingest.facts import facts, ledger
 from ingest.facts.as_of import store_as_of
 from ingest.facts.events import SignalDatabaseRegistered
 from ingest.facts.store import Store
@@ -61,3 +62,16 @@ def test_before_the_first_event_there_is_nothing_and_after_the_last_a_line(folde
         assert names(then) == []
     with pytest.raises(LedgerError, match="as of 9: the ledger ends at event 4"), store_as_of(folder, "9"):
         pass
+
+
+def test_a_check_says_since_which_event_a_clock_was_wrong(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Earlier(datetime):
+        @classmethod
+        def now(cls, tz: tzinfo | None = None) -> Earlier:
+            return cls(2001, 1, 1, tzinfo=UTC)
+
+    with Store.open(folder) as store:
+        assert not any("a clock was wrong" in line for line in check(store).hints)
+        monkeypatch.setattr(ledger, "datetime", Earlier)
+        (says,) = [line for line in check(store).hints if "a clock was wrong" in line]
+    assert says.startswith("event 1 says it was recorded on ") and says.endswith("give --as-of a number")
