@@ -163,7 +163,7 @@ def report(results: Sequence[Result], args: Namespace, code: str) -> None:
     tables = [rates.singles_table(singles), rates.many_table(results), rates.gains_table(results)]
     tables += [rates.by_entry_table(results), rates.reliability_table(rates.stated_of(results))]
     tables += [rates.by_what_hides_table(results), rates.lost_table(results), rates.crudeness_table(results)]
-    tables.append(rates.audit_table(results))
+    tables += [rates.beyond_usual_table(results), rates.audit_table(results)]
     print("\n\n".join("\n".join(table) for table in tables))
     audits = {form: {name: asdict(one) for name, one in own.items()} for form, own in rates.audits(results).items()}
     found: dict[str, object] = {"singles": singles, "many": rates.many(results), "gains": rates.gains(results)}

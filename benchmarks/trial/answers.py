@@ -20,6 +20,7 @@ from replay.studies.diagnosis.question import Campaign
 from replay.studies.diagnosis.search import find
 from twin.diagnosis.crudeness import crudeness
 from twin.diagnosis.evidence import TOLD_APART
+from twin.diagnosis.findings import findings
 from twin.diagnosis.naming import Naming
 from twin.diagnosis.rounds import Refit
 from twin.diagnosis.swaps import scan
@@ -40,8 +41,10 @@ class Result:
     sessions spoke against; `is_unknown`: a heat of any course won; `beside`: one is told beside what is named;
     `unknown`: ln BF of the best free heat; `linear`: of the best candidate before any refit; `leading`: after the first
     refits; `lost`: cause -> the step that lost it; `sensors`, `nodes`: errors at the kept sensors and where none sits;
-    `audit` of a healthy motor; `crudeness` of its file (`twin.diagnosis.crudeness`). Of many effects at once the ln
-    evidence that the model gains by all of them (`truth`) and by what is named (`gained`)."""
+    `audit` of a healthy motor; `crudeness` of its file (`twin.diagnosis.crudeness`); before any cause
+    (`twin.diagnosis.findings`) the ln evidence of the `widest` family of numbers, and the number that moved `furthest`,
+    in its stated sd, with `whose` it is. Of many effects at once the ln evidence that the model gains by all of them
+    (`truth`) and by what is named (`gained`)."""
 
     case: Case
     hidden: tuple[Seen, ...] = ()
@@ -60,6 +63,9 @@ class Result:
     nodes: Errors = field(default_factory=dict)
     audit: Mapping[str, Spread] = field(default_factory=dict)
     crudeness: float = 0.0
+    widest: float = 0.0
+    furthest: float = 0.0
+    whose: str = ""
     truth: float | None = None
     gained: float | None = None
     improved: bool = False
@@ -130,6 +136,7 @@ def tried(case: Case, campaign: Campaign, behind: Behind, hidden: tuple[Seen, ..
     named = [(str(s.candidate.cause), s.log_bayes_factor) for s in swaps]
     named += [(str(r.candidate.cause), r.log_bayes_factor) for r in naming.accepted]
     classes = {str(refit.candidate.cause): _class_of(naming, refit) for refit in naming.accepted}
+    unusual = findings(naming.rounds[0].base, model.parameters, 0.0)
     result = Result(
         case,
         hidden,
@@ -147,6 +154,9 @@ def tried(case: Case, campaign: Campaign, behind: Behind, hidden: tuple[Seen, ..
         nodes=inside(found, campaign.network, kept, behind.nodes),
         audit={} if hidden else spreads(naming.rounds[0].base),
         crudeness=crudeness(naming.rounds[0].base, model.parameters),
+        widest=max((one.log_evidence for one in unusual.wide), default=0.0),
+        furthest=abs(unusual.moved[0].usual) if unusual.moved else 0.0,
+        whose=model.parameters[unusual.moved[0].place].name if unusual.moved else "",
         improved=found.kept is not None and found.kept.improved,
         seconds=seconds,
     )

@@ -342,6 +342,17 @@ def crudeness_table(results: Sequence[Result]) -> list[str]:
     return lines
 
 
+def beyond_usual_table(results: Sequence[Result]) -> list[str]:
+    """A line a motor, the one with the number that moved furthest first: before any cause the ln evidence of its widest
+    family, that number in stated sd, what hides and what is named."""
+    lines = [f"{'how far beyond usual':<28}{'family':>8}{'number':>8}  whose; what hides; what is named"]
+    for r in sorted((r for r in results if not r.failed), key=lambda r: -r.furthest):
+        hides, told = (", ".join(names) or "-" for names in ([one.cause for one in r.hidden], r.told))
+        figures = f"{r.widest:>8.1f}{r.furthest:>8.1f}"
+        lines.append(f"{r.case.seed} {motor_of(r):<22}{figures}  {r.whose or '-'}; {hides}; {told}")
+    return lines
+
+
 def audits(results: Sequence[Result]) -> dict[str, dict[str, Spread]]:
     """Form -> family -> the spread of everyday parameters over its healthy motors, then over all forms."""
     healthy = [r for r in results if r.audit]

@@ -27,6 +27,19 @@ def told(diagnosis: Diagnosis) -> Iterator[str]:
         yield gone
 
 
+def furthest(diagnosis: Diagnosis) -> str:
+    """What no healthy motor does, without a full stop: the number that moved furthest, by UNUSUAL sd and more, or else
+    the widest family; "" where there is neither. Of 20 healthy motors no number went 3.4 sd, and no family's evidence
+    was above 2.3 (`benchmarks/trials.py` prints `how far beyond usual`)."""
+    unusual = of_last_fit(diagnosis)
+    far = [one for one in filter(_is_number, unusual) if abs(one.times_usual) >= verdict.UNUSUAL]
+    if far:
+        one = max(far, key=lambda number: abs(number.times_usual))
+        return f"{_whose(diagnosis, one)} had to {_verb(one)} by {_how_far(one)}"
+    family = next((one for one in unusual if one.about == "family"), None)
+    return f"with the {family.says} {_how_far(family)}" if family else ""
+
+
 def how_many(diagnosis: Diagnosis) -> str:
     """ "Numbers that moved further than usual: 12 without the cause, 7 with it"; "" where none had."""
     far = Counter(one.when for one in filter(_is_number, diagnosis.findings))

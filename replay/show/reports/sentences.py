@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from replay.show.reports import doubts, kept_errors, two_models, verdict
+from replay.show.reports import beyond_usual, doubts, kept_errors, two_models, verdict
 from replay.show.reports.verdict import Ending, against, ending, figures
 from replay.show.words import words
 from replay.studies.diagnosis.answer import Diagnosis, Named
@@ -41,10 +41,10 @@ def _found(diagnosis: Diagnosis) -> str:
             beside = words.counted(len(diagnosis.causes), "fault") + " of the record" if diagnosis.causes else ""
             return ", beside ".join(filter(None, [verdict.something(diagnosis.unknown[0]), beside]))
         case Ending.AGREES:
-            return _agrees(diagnosis)
+            return f"{_agrees(diagnosis)}{_but(diagnosis)}"
         case Ending.CANNOT_TELL:
             asked = diagnosis.shown and diagnosis.candidates
-            return "these sessions cannot tell why" if asked else "nothing can be named"
+            return f"{'these sessions cannot tell why' if asked else 'nothing can be named'}{_but(diagnosis)}"
 
 
 def _named(diagnosis: Diagnosis) -> str:
@@ -53,6 +53,12 @@ def _named(diagnosis: Diagnosis) -> str:
         return f"{first.says}, and {words.counted(len(more), 'more cause')}"
     others = words.counted(len(first.indistinguishable_from), "other")
     return f"{first.says}, or {others}" if first.indistinguishable_from else first.says
+
+
+def _but(diagnosis: Diagnosis) -> str:
+    """What is so far beyond usual that silence would hide it, where no cause is named; "" where nothing is."""
+    far = beyond_usual.furthest(diagnosis)
+    return f", but {far}" if far else ""
 
 
 def _agrees(diagnosis: Diagnosis) -> str:

@@ -16,9 +16,11 @@ from made.diagnoses import (
     EDDY,
     EXPLAINED,
     GAIN,
+    IRON,
     NAMED,
     NO_LOAD,
     NOT_IMPROVED,
+    OFFSET,
     PATH,
     RIVALS,
     SEVERAL,
@@ -498,6 +500,19 @@ def test_what_is_beyond_usual_is_told_before_any_cause_in_a_few_lines() -> None:
         "and its sessions that moved further than usual: 3",
     ):
         assert part in text
+
+
+def test_what_no_healthy_motor_does_is_in_the_first_sentence_where_no_cause_is_named() -> None:
+    needed = "No cause beyond the file's own coefficients is needed"
+    far = replace(PATH, times_usual=-9.0)
+    with_number = headline(replace(ABSORBED, findings=[IRON, replace(PATH, times_usual=4.1), far]))
+    assert with_number.startswith(f"{needed}, but the heat path between endwinding and coolant had to shrink by 9.0 sd")
+    family = headline(replace(ABSORBED, findings=[IRON, PATH]))
+    assert family.startswith(
+        f"{needed}, but with the form of the losses in iron 3.1 times as far from the file as usual"
+    )
+    assert ", but " not in headline(replace(ABSORBED, findings=[PATH, OFFSET]))
+    assert ", but " not in headline(replace(NAMED, findings=[IRON]))
 
 
 def test_with_a_cause_what_is_left_is_told_and_what_the_cause_took_away() -> None:
