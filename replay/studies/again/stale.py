@@ -1,7 +1,8 @@
 """What was computed from facts that are others by now: taken back, corrected, or joined by a late log.
 
 An answer is stale where its sessions, their logs, or what these are read with are not those that it was computed from,
-or where it began from a model that is stale itself. Once the same was asked again it is history, and no more stale.
+or where it began from a model that is stale itself. Once the same was asked again it is history, and no more stale; so
+it is where what asking again would give is recorded already, as a replay with the file that is current again.
 """
 
 from __future__ import annotations
@@ -95,8 +96,10 @@ class _Look:
         self.first = _first_versions(facts)
         self.extended = [one.event for one in events if isinstance(one.event, ModelExtended)]
         self.whys: dict[str, str] = {}  # stale diagnosis -> why
+        self.of_now: set[Any] = set()  # questions, each with the model of an answer that is not stale
         back = (model for one in facts.retractions.values() for model in one.event.models)
-        self.models = {model: f"model {model[:SHORT]} was taken back" for model in back}
+        self.back = {model: f"model {model[:SHORT]} was taken back" for model in back}
+        self.models = dict(self.back)
 
     def at(self, event: Answer, found: dict[Any, Stale]) -> None:
         """Add `event` to `found` if it is stale; what it answers anew is found no more."""
@@ -104,16 +107,21 @@ class _Look:
         now, kept = self._now(asked.sessions), self._now(asked.kept)
         question = (type(event), now, kept, asked.key.get("level")) if asked.key else type(event)
         found.pop(question, None)
-        why = self._why([*asked.sessions, *asked.kept], asked.key) or self.models.get(asked.model)
+        why = self.back.get(asked.model) or self._why([*asked.sessions, *asked.kept], asked.key)
+        why = why or self.models.get(asked.model)
         if isinstance(event, AgeingAssessed) and not is_of_now(self.facts, event):
             why = why or "sessions came, or are others by now"
         if why is None:
+            self.of_now.add((question, asked.model))
             return
         self.models |= dict.fromkeys(self._made(event), f"{asked.name} is stale")
         if isinstance(event, DiagnosisCompleted):
             self.whys[event.diagnosis] = why
+        begins = self._begins(asked)
+        if (question, begins or self._named(now)) in self.of_now:
+            return
         if now or not isinstance(event, ReplayCompleted):  # a replay of what is gone is gone
-            found[question] = Stale(event, asked.name, why, now, kept, self._begins(asked))
+            found[question] = Stale(event, asked.name, why, now, kept, begins)
 
     def in_use(self, accepted: CauseAccepted) -> str:
         files = [
@@ -183,6 +191,11 @@ class _Look:
         if {*usual}.isdisjoint(self.models) and asked.model in (*usual, *self.models):
             return None
         return next((one for one in (asked.model, *given) if one and one not in self.models), None)
+
+    def _named(self, sessions: Sequence[str]) -> str | None:
+        """The model that the bench file of these sessions names now."""
+        benches = [self.facts.benches.get(self._first(self.current[one].bench or "")) for one in sessions]
+        return next((self.facts.current(one.model) for one in benches if one and one.model), None)
 
     def _made(self, event: Answer) -> Iterator[str]:
         """The models that an answer published."""

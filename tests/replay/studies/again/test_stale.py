@@ -128,6 +128,9 @@ def test_what_began_from_a_diagnosis_that_was_taken_back_is_stale_and_that_itsel
     back = FactRetracted(fact="diagnosis-7", name="d-7", why="a mistake", models=["m7"])
     found = look(*diagnosis("7", "1_s1"), run("1_s1", "m7"), ("diagnosis-7", back))
     assert told(found) == [("replay of 1_s1", "model m7 was taken back")]
+    before = [run("1_s1"), *diagnosis("7", "1_s1"), run("1_s1", "m7", bench="b7"), ("diagnosis-7", back)]
+    assert told(look(*before)) == [], "asked again it is the replay that is there already"
+    assert told(look(*before[1:])) == [("replay of 1_s1", "model m7 was taken back")], "which says more than its bench"
 
 
 def test_a_replay_of_what_is_gone_is_gone_and_asked_again_nothing_is_stale() -> None:
