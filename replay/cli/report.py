@@ -30,6 +30,7 @@ def run(args: argparse.Namespace) -> Answer:
     from ingest.facts.store import Store
     from replay.engine.files.models import known_model
     from replay.show.reports.documents import write_replay_report
+    from replay.show.reports.report import mixed
 
     with Store.open(store_folder(args)) as store:
         known = facts.at(store.ledger)
@@ -42,7 +43,8 @@ def run(args: argparse.Namespace) -> Answer:
             "runs": [run.run for run in runs],
             "provenance": provenance(store, model=args.model),
         }
-    return Answer(data, f"{args.out}   {len(runs)} session{'s' * (len(runs) != 1)}; opens offline in any browser")
+    made = f"{args.out}   {len(runs)} session{'s' * (len(runs) != 1)}; opens offline in any browser"
+    return Answer(data, "\n".join(filter(None, [made, mixed(runs)])))
 
 
 def _of_diagnosis(args: argparse.Namespace) -> Answer:

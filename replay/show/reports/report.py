@@ -59,6 +59,7 @@ def write_report(runs: Sequence[Run], target: Path, context: ReportContext) -> N
         filter_reading=READING if any(run.filtered for run in runs) else "",
         maps=[plot for plot in (error_map(runs), error_along(runs)) if plot is not None],
         balances=power_balance(summaries),
+        mixed=mixed(runs),
         heats=[(run.session_name, said) for run in runs if (said := [*map(words.capital, heat_says(run.summary))])],
         limits=[(run.session_name, said) for run in runs if (said := heat_words.above_limits(run.summary))],
         meters=[(run.session_name, one) for run in runs for one in run.summary.meters],
@@ -66,6 +67,17 @@ def write_report(runs: Sequence[Run], target: Path, context: ReportContext) -> N
         context=context,
     )
     target.write_text(page, encoding="utf-8")
+
+
+def mixed(runs: Sequence[Run]) -> str:
+    """Which sessions were replayed with which model, or from channels of which level; "" where all are alike."""
+    alike: dict[tuple[str, str], list[str]] = {}
+    for run in runs:
+        alike.setdefault((run.model, run.level), []).append(run.session_name)
+    if len(alike) <= 1:
+        return ""
+    of = (f"{words.joined(names)} with {words.short(model)} (level {level})" for (model, level), names in alike.items())
+    return f"Not all of one model and level: {'; '.join(of)}. Say --model M, after whyhot replay --model M, to compare."
 
 
 def heat_says(summary: Summary) -> list[str]:

@@ -16,7 +16,7 @@ from ingest.texts.times import clock
 from made.runs import made_run
 from replay.engine.results.run import Run
 from replay.engine.results.summary import LimitPassed, ModelledSpot
-from replay.show.reports.report import LINES, ReportContext, write_report
+from replay.show.reports.report import LINES, ReportContext, mixed, write_report
 from replay.show.words import words
 from replay.show.words.findings import answer, finding, power_balance, worst_first
 from replay.show.words.terminal import labelled, replay_text
@@ -207,6 +207,15 @@ def test_the_report_tells_in_order_answer_sessions_maps_balance_and_source(two: 
     assert places == sorted(places)
     for source in ("whyhot replay 1_s1", "4f0c91", "0.1.0", "9ac1f00d" * 8, "4f0cbeef" * 8):
         assert source in text
+
+
+def test_replays_of_different_models_or_levels_are_told_apart(two: str) -> None:
+    first, second = made_run(), made_run("2_s2")
+    assert mixed([first, second]) == "" and "Not all of one model" not in two
+    assert mixed([first, replace(second, model="5fa005c2" * 8)]).startswith(
+        "Not all of one model and level: 1_s1 with 9ac1f00d (level testing); 2_s2 with 5fa005c2 (level"
+    )
+    assert "2_s2 with 9ac1f00d (level production)" in mixed([first, replace(second, level="production")])
 
 
 def test_nothing_leaves_the_report(html: str) -> None:
