@@ -36,10 +36,14 @@ def chain_bars(diagnosis: Diagnosis) -> Plot | None:
 
 
 def _title(chain: Sequence[ChainStep]) -> str:
+    """With the recalibrated model, which may predict sessions better than terms do."""
     first, last = chain[0], chain[-1]
-    before, after = words.figures([steps.mean_K(step.left_out_mae_K) for step in (first, last)])
-    model = f"the model with {words.counted(last.step, 'term')} more"
-    return f"A session is {before} K off as published, and {after} K where {model} learns from the other sessions"
+    told = [first, next(step for step in chain if step.step == 0), last]
+    before, between, after = words.figures([steps.mean_K(step.left_out_mae_K) for step in told])
+    models = (
+        f"{between} K where the recalibrated model and {after} K where that with {words.counted(last.step, 'term')}"
+    )
+    return f"A session is {before} K off as published, {models} more learns from the other sessions"
 
 
 def _draw(chain: Sequence[ChainStep]) -> Figure:

@@ -185,9 +185,12 @@ def gain_notes(diagnosis: Diagnosis) -> list[str]:
     """What a reader must know before trusting the gain."""
     notes = []
     if diagnosis.log_score_gain is not None and diagnosis.log_score_gain_lower is not None:
-        score, lower = verdict.figures(diagnosis.log_score_gain), verdict.figures(diagnosis.log_score_gain_lower)
+        gain, least = diagnosis.log_score_gain, diagnosis.log_score_gain_lower
+        more, higher = ("more", "higher") if gain >= 0 else ("less", "lower")
+        score, lower = verdict.figures(abs(gain)), verdict.figures(least if gain >= 0 else -least)
+        bound = "at least" if gain >= 0 else "at most"
         notes.append(
-            f"kept sessions are more probable with the cause: log score, fitted, {score} higher, at least {lower}"
+            f"kept sessions are {more} probable with the cause: log score, fitted, {score} {higher}, {bound} {lower}"
         )
     if diagnosis.few_kept_data:
         notes.append("few kept data: under 8 independent blocks, so the intervals are rough")

@@ -232,9 +232,11 @@ def comes_from(evidence: EvidenceParts) -> str:
     losses in iron: 12.1), −2.5 rest"."""
     most = next(((name, value) for name, value in evidence.relieved.items() if value >= LEAST_SHARE), None)
     family = f", mostly {most[0]}: {_tenths(most[1])}" if most else ""
+    closely = "more" if evidence.fit >= 0 else "less"
+    move = f"less{family}" if evidence.priors_relieved >= 0 else "further"
     return (
-        f"{_tenths(evidence.fit)} fit (readings are met more closely), {_tenths(evidence.priors_relieved)} priors "
-        f"relieved (other numbers move less{family}), {_tenths(evidence.rest)} rest"
+        f"{_tenths(evidence.fit)} fit (readings are met {closely} closely), {_tenths(evidence.priors_relieved)} priors "
+        f"relieved (other numbers move {move}), {_tenths(evidence.rest)} rest"
     )
 
 

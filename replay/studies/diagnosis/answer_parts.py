@@ -13,7 +13,7 @@ from replay.engine.results.residuals import where
 from replay.studies.diagnosis.answer import EvidenceParts, Named, Rival, Shown, Stands, UnnamedHeat
 from replay.studies.diagnosis.formulas import formula
 from replay.studies.diagnosis.kept_sessions import Measured
-from twin.calibration.learned import size, term_of
+from twin.calibration.learned import Size, size, term_of
 from twin.diagnosis.free_heats import Unknown
 from twin.diagnosis.in_words import Plain
 from twin.diagnosis.naming import ENOUGH_SESSIONS, MOST_TERMS, Naming
@@ -102,7 +102,7 @@ def named(naming: Naming, refit: Refit, train: Sequence[SessionRecorded], kept: 
         largest_effect_node=node,
         largest_effect_session=train[test].session,
         largest_effect_t_s=t_s,
-        formula=_formula(refit, found.value, final.model.network),
+        formula=_formula(refit, found, final.model.network),
         log_bayes_factor=refit.log_bayes_factor,
         probability=apart.probability,
         member_probability=apart.leader.probability,
@@ -164,14 +164,14 @@ def _largest_effect(final: Fit, place: int) -> tuple[float, str, int, float]:
     return best
 
 
-def _formula(refit: Refit, value: float, network: Network) -> str:
+def _formula(refit: Refit, found: Size, network: Network) -> str:
     cause, action, added = refit.candidate.cause, refit.candidate.action, refit.candidate.added
     if isinstance(action, Added) and added is not None:
-        return formula(term_of(action, value, added.exponents), cause.place, network)
+        return formula(term_of(action, found.value, added.exponents), cause.place, network)
     if cause.law == "scale":
-        return f"{cause.kind} of {cause.place} times {value:.3g}"
-    unit = "" if refit.candidate.unit == "1" else f" {refit.candidate.unit}"
-    return f"{cause} = {value:.4g}{unit}"
+        return f"{cause.kind} of {cause.place} times {found.value:.3g}"
+    unit = "" if found.unit == "1" else f" {found.unit}"
+    return f"{cause} = {found.value:.4g}{unit}"
 
 
 def rivals(naming: Naming, refused: Sequence[tuple[Refit, str]]) -> list[Rival]:

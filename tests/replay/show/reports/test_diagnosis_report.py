@@ -427,8 +427,8 @@ def test_the_chain_falls_step_by_step_in_bars_and_in_a_table() -> None:
     plot = chain_bars(SEVERAL)
     assert plot is not None
     assert plot.title == (
-        "A session is 9.0 K off as published, "
-        "and 0.9 K where the model with 2 terms more learns from the other sessions"
+        "A session is 9.0 K off as published, 6.0 K where the recalibrated model "
+        "and 0.9 K where that with 2 terms more learns from the other sessions"
     )
     assert plot.table.rows[0][:3] == ("As published", "–", "–")
     assert plot.table.rows[-1] == ("+ sensor.endwinding_b_outer.gain", "41", "3 of 3", "0.60", "1.20", "0.80", "1.60")

@@ -36,14 +36,14 @@ from made.diagnoses import (
     shown,
 )
 from replay.show.reports.beyond_usual import how_many
-from replay.show.reports.diagnosis_text import answer_markdown, diagnosis_text
+from replay.show.reports.diagnosis_text import answer_markdown, diagnosis_text, gain_notes
 from replay.show.reports.doubts import not_judged
 from replay.show.reports.kept_errors import change
 from replay.show.reports.sentences import answer, headline
 from replay.show.reports.two_models import paragraphs
-from replay.show.reports.verdict import Ending, active, ending, figures, probability, size, watts
+from replay.show.reports.verdict import Ending, active, comes_from, ending, figures, probability, size, watts
 from replay.show.words.width import ELSEWHERE
-from replay.studies.diagnosis.answer import Contradicting, Diagnosis
+from replay.studies.diagnosis.answer import Contradicting, Diagnosis, EvidenceParts
 from twin.diagnosis.naming import ENOUGH_SESSIONS
 from twin.motor.causes import parse, says
 
@@ -534,6 +534,16 @@ def test_a_ln_bf_is_printed_as_fit_and_priors_relieved() -> None:
         "mostly form of the losses in magnet: 150.0), −2.5 rest"
     ) in text
     assert "loss.rotor_surface.speed3: ln BF 288 (120.4 fit, 192.3 priors relieved), 22 behind" in text
+    against = comes_from(EvidenceParts(fit=-1.0, priors_relieved=-4.7, rest=0.0, relieved={"films": 4.0}))
+    assert against == (
+        "−1.0 fit (readings are met less closely), −4.7 priors relieved (other numbers move further), 0.0 rest"
+    )
+
+
+def test_kept_sessions_that_a_cause_makes_less_probable_are_told_as_such() -> None:
+    more, less = (replace(NAMED, log_score_gain=sign * 6.37, log_score_gain_lower=-64.2) for sign in (1, -1))
+    assert "more probable with the cause: log score, fitted, 6.37 higher, at least −64.2" in gain_notes(more)[0]
+    assert "less probable with the cause: log score, fitted, 6.37 lower, at most 64.2" in gain_notes(less)[0]
 
 
 def test_the_viewer_tells_what_is_beyond_usual_too() -> None:
