@@ -19,6 +19,7 @@ DC = ("voltage_dc", "current_dc")
 LOADED = 0.05  # share of the largest mechanical power from which a block tells anything of the balance
 MEANT = 0.20  # share of it from which a quotient of powers is an efficiency and not the offset of a torque meter
 METERS = 0.02  # of the mechanical power: what torque and power meters of a bench agree to
+CURRENTS = 0.10  # of a phase current: what it and its d and q parts agree to
 IMPOSSIBLE = 0.10  # share of loaded blocks with loss below zero that no transient explains
 OPPOSED = 0.50  # share of loaded blocks that take in both powers, as a motor does for moments while it brakes
 AMPLITUDES = (0.40, 0.51)  # the quotient where voltages and currents are amplitudes, of a motor of 80 to 102 %
@@ -75,6 +76,27 @@ def balance(channels: Sequence[ChannelData]) -> PowerBalance | None:
     name, used, power_of = source
     grid = aligned([speed, torque, *used])
     return _balance(name, grid, power_of(grid.values[2:])) if len(grid.t_ns) else None
+
+
+def two_currents(channels: Sequence[ChannelData]) -> str | None:
+    """That the channel `current` is no rms value of what `current_d` and `current_q` say, as where one is an amplitude
+    and the other is not; None where they agree within CURRENTS, or where only one way is recorded."""
+    phase, d, q = (find(channels, name) for name in ("current", "current_d", "current_q"))
+    if phase is None or d is None or q is None:
+        return None
+    whole, *axes = aligned([phase, d, q]).values
+    of_axes = np.hypot(*axes)
+    loaded = of_axes >= MEANT * np.quantile(of_axes, 0.995, method="higher") if len(of_axes) else np.zeros(0, bool)
+    ratio = float(np.median(np.abs(whole[loaded]) / of_axes[loaded])) if loaded.any() and of_axes.any() else 1.0
+    if abs(ratio - 1.0) <= CURRENTS:
+        return None
+    why = 'amplitudes and rms values: check convention = "peak" of each' if _root_2(ratio) else "check unit and scale"
+    return f"{phase.spec.name} is {ratio:.2f} times hypot({d.spec.name}, {q.spec.name}) under load: {why}"
+
+
+def _root_2(ratio: float) -> bool:
+    """Whether it is that of an amplitude to its rms value, or the other way round."""
+    return any(abs(ratio / root - 1.0) <= CURRENTS for root in (2**0.5, 0.5**0.5))
 
 
 def lacking(quantities: Container[str | None]) -> list[str]:

@@ -35,6 +35,7 @@ def described(facts: Facts, session: SessionRecorded, samples: Looked) -> Sessio
     seen = [f"{one.name}: {one.finding}" for one in facts.inspections.values() if one.session == session.session]
     late = [one.says for one in facts.clocks_of(session)]
     impossible = [balance.says] if balance and not balance.possible else []
+    currents = filter(None, [power.two_currents(channels)])
     return SessionDescription(
         session=session.session,
         name=session.name,
@@ -53,7 +54,7 @@ def described(facts: Facts, session: SessionRecorded, samples: Looked) -> Sessio
         channels=tuple(_channel(*pair) for pair in zip(channels, qualities, strict=True)),
         power=balance,
         operating_points=operating_points.cells(channels),
-        findings=tuple(dict.fromkeys([*flagged, *found, *late, *impossible, *seen])),
+        findings=tuple(dict.fromkeys([*flagged, *found, *late, *impossible, *currents, *seen])),
     )
 
 

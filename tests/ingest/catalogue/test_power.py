@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ingest.catalogue.channels import ChannelData
-from ingest.catalogue.power import PowerBalance, balance, lacking
+from ingest.catalogue.power import PowerBalance, balance, lacking, two_currents
 from made.channels import channel
 
 T = np.arange(3600.0)
@@ -93,6 +93,19 @@ def test_time_under_load_is_that_of_the_samples_and_not_longer_than_the_session(
     few = [channel("n", "speed", SPEED[:1010]), channel("M", "torque", pulses)]
     found = balanced([*few, channel("P", "power", pulses * 320.0)])
     assert found.loaded_h * 3600 == pytest.approx(np.sum(pulses > 0))
+
+
+@pytest.mark.parametrize(
+    ("times", "says"),
+    [(1.0, ""), (2**0.5, "1.41 times hypot(d, q) under load: amplitudes and rms"), (10.0, "10.00 times hypot(d, q)")],
+)
+def test_a_phase_current_is_held_against_its_d_and_q_parts(times: float, says: str) -> None:
+    parts = [channel("d", "current_d", -0.6 * TORQUE), channel("q", "current_q", 0.8 * TORQUE)]
+    found = two_currents([*parts, channel("I", "current", times * TORQUE)])
+    assert (found or "").startswith(f"I is {says}") if says else found is None
+    assert two_currents(parts) is None
+    still = [channel(name, f"current_{name}", np.zeros(9)) for name in ("d", "q")]
+    assert two_currents([*still, channel("I", "current", np.zeros(9))]) is None
 
 
 def test_a_motor_that_does_not_turn_has_nothing_to_balance() -> None:
