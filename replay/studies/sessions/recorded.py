@@ -104,9 +104,10 @@ def _test(
     steps = len(frame.features) // length * length
     seen = [o for o in frame.observations if level in ("testing", o.sensor.level) and o.good[:steps].any()]
     if not seen:
+        given = "node = ..." if level == "testing" else f'node = ... and level = "{level}"'
         raise ReplayDataError(
             f"no usable channel of level {level} observes a node of {network.name}: there is "
-            "nothing to learn from. Say node = ... in the bench file, or leave the session out."
+            f"nothing to learn from. Say {given} in the bench file, or leave the session out."
         )
     named = {m.name: np.ascontiguousarray(frame.features[:steps, j]) for j, m in enumerate(every)}
     of_network = replace(frame, features=frame.features[:, :own])

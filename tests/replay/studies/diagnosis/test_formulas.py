@@ -1,8 +1,15 @@
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import pytest
 
+from replay.studies.diagnosis.answer_parts import _formula
 from replay.studies.diagnosis.formulas import formula, text_diff
+from twin.calibration.learned import Size
+from twin.fitting.actions import Tilt
+from twin.motor.causes import parse
 from twin.motor.network import Boundary, Copper, Link, Network, Node, Shape, Source, TemperatureFactor, Term
 
 NETWORK = Network(
@@ -68,3 +75,10 @@ def test_a_diff_shows_what_changed_with_one_line_around_it() -> None:
 
 def test_equal_texts_have_no_diff() -> None:
     assert text_diff(b"a = 1\n", b"a = 1\r\n") == ""
+
+
+def test_a_change_with_temperature_has_the_unit_of_its_size() -> None:
+    candidate = SimpleNamespace(cause=parse("loss.stator.temperature"), action=Tilt((), (), ()), added=None, unit="W")
+    refit: Any = SimpleNamespace(candidate=candidate)
+    said = _formula(refit, Size(-0.0895, -0.11, -0.07, "1/K", None), NETWORK)
+    assert said == "loss.stator.temperature = -0.0895 1/K"

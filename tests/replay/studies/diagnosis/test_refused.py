@@ -68,6 +68,11 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
             "session 4_blind: no usable channel of level testing observes a node of servo-5kW: "
             "there is nothing to learn from. " + "Say node = ... in the bench file, or leave the session out.",
         ),
+        (
+            ["--on", "1_long", "--level", "production"],
+            "session 1_long: no usable channel of level production observes a node of servo-5kW: there is nothing to "
+            + 'learn from. Say node = ... and level = "production" in the bench file, or leave the session out.',
+        ),
     ],
 )
 def test_a_question_that_cannot_be_answered_is_refused_in_one_line(
