@@ -123,11 +123,20 @@ def _sources(one: SessionDescription) -> list[str]:
     return lines
 
 
+_WITHOUT_MOTOR = {  # kind -> what to ask of a session of a specimen's insulation
+    "dc_check": "whyhot ageing",
+    "ageing": 'whyhot sql "FROM cycles"',
+    "insulation_check": 'whyhot sql "FROM insulation_checks"',
+}
+
+
 def _next(one: SessionDescription) -> str:
     """The command that follows, or what a replay of this session lacks."""
     name = shlex.quote(one.name)
     if one.bench is None:
         return "no bench file says yet what these signals mean: whyhot inspect FILE... --bench-draft bench.toml"
+    if one.motor is None and one.specimen and one.kind in _WITHOUT_MOTOR:
+        return _WITHOUT_MOTOR[one.kind]
     if one.motor is None:
         return f'add motor = "motor.toml" to {one.bench} and ingest again, or whyhot replay {name} --model motor.toml'
     return f"whyhot replay {name}"

@@ -48,9 +48,10 @@ BASIC = r"(?P<Y>\d{4})(?P<m>\d{2})(?P<d>\d{2})[T _-]?(?P<H>\d{2})(?P<M>\d{2})(?P
 KNOWN["ISO 8601 without its signs"] = f"^{BASIC}{OFFSET}$"
 # a stamp that is a number as well
 DIGITS_ALONE = r"^(?:19|20|21)\d{2}(?:0[1-9]|1[0-2])(?:0[1-9]|[12]\d|3[01])(?:[01]\d|2[0-3])(?:[0-5]\d){2}$"
-KNOWN_MONTH_FIRST = re.sub("<([dm])>", lambda group: {"d": "<m>", "m": "<d>"}[group[1]], KNOWN[DAY_FIRST])
+DAYS = {says: f"^{date}$" for says, date in DATES.items()}  # known where the bench file names the column
 DATE_ALONE = "|".join(f"^{re.sub('[?]P<[A-Za-z]>', '?:', date)}$" for date in DATES.values())
 CLOCK_ALONE = f"^{CLOCK}$"
+_DAY_FIRST = re.compile(rf"^{DATES[DAY_FIRST]}(?!\d)")  # with or without a time of day
 _STAMP = re.compile("|".join(re.sub("[?]P<[A-Za-z]>", "?:", one) for one in (DATE_ALONE, CLOCK_ALONE, *KNOWN.values())))
 SECOND_NS, MINUTE_NS, DAY_NS = 1_000_000_000, 60_000_000_000, 86_400_000_000_000
 FALL_BACK_NS = 30 * MINUTE_NS  # a local clock that goes back by this much or more has been put back
@@ -75,9 +76,14 @@ def pattern_of(text: str, log: str) -> str:
     return pattern
 
 
+def month_first(pattern: str) -> str:
+    """The pattern of stamps with day and month the other way round."""
+    return re.sub("<([dm])>", lambda group: {"d": "<m>", "m": "<d>"}[group[1]], pattern)
+
+
 def day_first(cells: Iterable[str]) -> bool | None:
     """Whether dates such as 24/12/2025 begin with the day: the first cell with a day above 12 tells; None without."""
-    for match in filter(None, map(re.compile(KNOWN[DAY_FIRST]).match, cells)):
+    for match in filter(None, map(_DAY_FIRST.match, cells)):
         one, other = int(match["d"]), int(match["m"])
         if one <= 12 < other <= 31 or other <= 12 < one <= 31:
             return other <= 12
@@ -86,7 +92,7 @@ def day_first(cells: Iterable[str]) -> bool | None:
 
 def year_may_be_first(cells: Iterable[str]) -> bool:
     """Whether dates of three numbers of two digits, such as 25/03/17, may be of 2025 as well as of 2017."""
-    matches = [*filter(None, map(re.compile(KNOWN[DAY_FIRST]).match, cells))]
+    matches = [*filter(None, map(_DAY_FIRST.match, cells))]
     return bool(matches) and all(match["y"] and 1 <= int(match["y"]) <= 31 for match in matches)
 
 

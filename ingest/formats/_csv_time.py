@@ -35,15 +35,16 @@ from ingest.formats._csv_stamps import (
     DATE_ALONE,
     DAY_FIRST,
     DAY_NS,
+    DAYS,
     DIGITS_ALONE,
     KNOWN,
-    KNOWN_MONTH_FIRST,
     MONTH_FIRST,
     SECOND_NS,
     LocalClock,
     both_formats,
     day_first,
     fits,
+    month_first,
     pattern_of,
     year_may_be_first,
 )
@@ -113,13 +114,17 @@ def _stated(time: TimeSpec, column: str, dialect: Dialect, log: str) -> Clock:
         says = f"{time.format} in {time.zone}"
         return Stamped(says=says, absolute=True, columns=(column,), pattern=pattern_of(time.format, log), local=local)
     clock = _by_content(time, column, dialect)
+    beside = [name for _, name in _pairs(dialect) if not _is_number(dialect, name)]  # a number may look like 8.30
+    if clock is None and not beside:
+        clock = _of_cells(time, _known(time, DAYS), (column,), dialect)
     if clock is None and (asked := _asked(dialect)):
         raise UnreadableLogError(f"{log}: {asked}")
     if clock is None:
         cell = next((cell for cell in _cells(dialect, column) if cell not in MISSING), "")
+        example = "%d.%m.%Y" if re.match(DATE_ALONE, cell) else "%d.%m.%Y %H:%M:%S"
         raise UnreadableLogError(
             f'{log}: column "{column}" holds "{cell[:60]}", which is no number and no stamp that is known. '
-            'Say format = "%d.%m.%Y %H:%M:%S" (as it is written there) under [time] of the bench file.'
+            f'Say format = "{example}", with signs and order as they are there, under [time] of the bench file.'
         )
     return clock
 
@@ -322,9 +327,9 @@ def _asked(dialect: Dialect) -> str | None:
     return None
 
 
-def _known(time: TimeSpec) -> dict[str, str]:
-    """The forms of stamps that are recognised unasked: in words -> pattern."""
-    return {f"{says} in {time.zone}": pattern for says, pattern in KNOWN.items()}
+def _known(time: TimeSpec, forms: Mapping[str, str] = KNOWN) -> dict[str, str]:
+    """The forms of stamps, those that are recognised unasked unless others are given: in words -> pattern."""
+    return {f"{says} in {time.zone}": pattern for says, pattern in forms.items()}
 
 
 def _of_two(time: TimeSpec, patterns: Mapping[str, str], dialect: Dialect) -> Clock | None:
@@ -362,12 +367,12 @@ def _of_cells(
     """The first of `patterns` that fits the cells of a column, or of two joined."""
     said = [*_said(dialect.sample, columns, dialect)]
     says, pattern = next(((says, one) for says, one in patterns.items() if said and fits(one, said)), ("", ""))
-    if pattern == KNOWN[DAY_FIRST]:
+    if pattern in (KNOWN[DAY_FIRST], DAYS[DAY_FIRST]):
         order = _is_day_first(said, columns, dialect)
         if order is None:
             return None
         if not order:
-            says, pattern = says.replace(DAY_FIRST, MONTH_FIRST), KNOWN_MONTH_FIRST
+            says, pattern = says.replace(DAY_FIRST, MONTH_FIRST), month_first(pattern)
     if not pattern:
         return None
     clock = Stamped(says=says, absolute=True, columns=columns, pattern=pattern, local=LocalClock(time.local))

@@ -99,11 +99,11 @@ def decode_file(
         written = [group for group in groups if group.name in rows]
         files = [RECORDING, *(group.file for group in written)]
         products = dict(zip(files, pool.map(sha256_of, [folder / name for name in files]), strict=True))
-    if faults is None and not work.watch.rises:
-        faults = stamps.look(path)
+    if faults is None:
+        faults = clock.StampFaults() if work.watch.rises else stamps.look(path)
     return DecodeCompleted(
         **identity(raw, databases, bench, model),
-        **_outcome(reading, path, work.account, sum(rows.values()), said, faults or clock.StampFaults(), written),
+        **_outcome(reading, path, work.account, sum(rows.values()), said, specimens.within(faults), written),
         groups=[group.entry(rows[group.name]) for group in written],
         channels=[output.channel for group in written for output in group.outputs if output.channel],
         products=products,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,8 @@ from ingest.bench.bench_file import Bench
 from ingest.errors import BenchFileError
 from ingest.facts import sessions
 from ingest.formats import Frames, Rows
+from ingest.log.clock import JUMP_NS, StampFaults
+from ingest.log.stamps import CLOSE_NS
 from ingest.texts.nearest import hint
 
 Text = str | None
@@ -46,6 +49,26 @@ class Specimens:
             return []
         record, t_ns, which = (np.concatenate(some) for some in zip(*self._found, strict=True))
         return sessions.parts(record, t_ns, which, list(self._places), self._of_checks)
+
+    def within(self, faults: StampFaults) -> StampFaults:
+        """The faults without those of specimens that take turns in one table; a list of checks is in any order."""
+        if not self._found:
+            return faults
+        record, t_ns, which = (np.concatenate(some) for some in zip(*self._found, strict=True))
+        order = np.lexsort((record, which))
+        step = np.diff(t_ns[order])[np.diff(which[order]) == 0]
+        runs = 2 * (np.abs(step) <= CLOSE_NS).sum() > len(step)
+        back = -step[(step < 0) & (not self._of_checks)]
+        jump = step[(step > JUMP_NS) & runs & (not self._of_checks)]
+        again = len(t_ns) - np.unique(np.stack([which, t_ns]), axis=1).shape[1]
+        return replace(
+            faults,
+            back_steps=len(back),
+            back_ns=int(back.max(initial=0)),
+            jump_steps=len(jump),
+            jump_ns=int(jump.max(initial=0)),
+            other=max(0, again - faults.equal - faults.block_records),
+        )
 
 
 def _labels(rows: Rows, column: str | None) -> list[Text]:

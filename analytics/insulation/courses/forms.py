@@ -109,7 +109,7 @@ def assess(
     dose, y, s = dose[order], y[order], s[order]
     distinct = np.unique(dose)
     if len(distinct) < LEAST_DOSES:
-        return unknown(f"{len(distinct)} different doses: {LEAST_DOSES} are needed at least")
+        return unknown(f"different doses: {len(distinct)}; {LEAST_DOSES} are needed at least")
     span = float(distinct[-1] - distinct[0])
     places, x = (distinct - distinct[0]) / span, (dose - dose[0]) / span
     coarse = courses_of_all(places, x, COARSE_TURNS)

@@ -40,7 +40,9 @@ class Slopes:
 def slopes(specimen: Ints, dose_h: Floats, y: Floats, sd: Floats) -> Slopes:
     """The slope of each specimen from rows in any order: place of the specimen (n,), from 0 to m - 1, each there;
     dose (n,) [h], y (n,) and its standard deviation (n,)."""
-    lines = _Lines.of(specimen, dose_h, y, sd)
+    least = np.full(1 + int(specimen.max(initial=-1)), np.inf)
+    np.minimum.at(least, specimen, dose_h)
+    lines = _Lines.of(specimen, dose_h - least[specimen], y, sd)  # equal doses are 0 then, and so is their spread
     for _ in range(ROUNDS):
         lines = lines.pulled()
     scale, factor = _factors(specimen, dose_h, y, sd, len(lines.counts))

@@ -4,7 +4,7 @@ heat it had."""
 from __future__ import annotations
 
 import math
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
@@ -129,7 +129,7 @@ def histories(
         tell(f"reading {name}")
         history = _of_logs(store, facts, motor, logs) if logs else History()
         given = [(session, row) for session in sessions for row in rows.get(session.session, ())]
-        found[name] = _with_tables(history, given) if given else history
+        found[name] = with_tables(history, given) if given else history
     return found
 
 
@@ -255,12 +255,17 @@ def _oven_cycles(sessions: Iterable[SessionRecorded], heats: Mapping[str, Trace 
 # ---- tables --------------------------------------------------------------------------------------------------------
 
 
-def _with_tables(history: History, rows: Sequence[tuple[SessionRecorded, Evaluated]]) -> History:
+def with_tables(history: History, rows: Sequence[tuple[SessionRecorded, Evaluated]]) -> History:
     """The history with the rows of tables: checks that were evaluated elsewhere, and hours that were counted until
     then.
 
     A row of a check that says no dose has what was counted by its time, between two readouts in proportion.
     """
+    given, rows = len(rows), _once(rows)
+    if twice := given - len(rows):
+        what = "a row stands" if twice == 1 else f"{twice} rows stand"
+        said = f"{what} in two tables, with the same time and values: each such check counts once"
+        history = replace(history, notes=[*history.notes, said])
     counted = [(row.t_ns or 0, worth_of(row.counted)) for _, row in rows if row.counted is not None]
     readouts = sorted(counted, key=lambda one: one[0])
     points = [_row_point(session, row, readouts) for session, row in rows if row.resistance_K_per_W is not None]
@@ -274,6 +279,23 @@ def _with_tables(history: History, rows: Sequence[tuple[SessionRecorded, Evaluat
         latest = HotHours(last[0].session, last[0].name, "counters", last[1].counted)
         history = replace(history, hours=[*history.hours, latest])
     return replace(history, points=every, worth=worth)
+
+
+def _once(rows: Sequence[tuple[SessionRecorded, Evaluated]]) -> list[tuple[SessionRecorded, Evaluated]]:
+    """The rows without checks that an earlier table holds already, as a list that grows and is given again does: to
+    the statistics a copy would be a repeat without error. Two alike in one table are two checks of one day."""
+    kept = []
+    here: Counter[tuple[object, ...]] = Counter()
+    most: Counter[tuple[object, ...]] = Counter()  # times that one table holds the check
+    for session, row in rows:
+        if row.t_ns is not None and row.resistance_K_per_W is not None:
+            check = (row.t_ns, row.resistance_K_per_W, row.dose_h, row.degC, *sorted(row.counters.items()))
+            here[session.session, *check] += 1
+            if here[session.session, *check] <= most[check]:
+                continue
+            most[check] += 1
+        kept.append((session, row))
+    return kept
 
 
 def _row_point(session: SessionRecorded, row: Evaluated, readouts: Sequence[tuple[int, Floats]]) -> Point:

@@ -551,6 +551,18 @@ def test_a_stated_format_is_read(tmp_path: Path, form: str, cell: str, seconds: 
     assert t_ns == [MARCH_NS + seconds * S_NS] * 2 and log.absolute
 
 
+@pytest.mark.parametrize(
+    "cells", [("01.03.2024", "13.03.2024"), ("3/1/2024", "3/13/2024"), ("2024-03-01", "2024-03-13")]
+)
+def test_days_alone_are_stamps_where_their_column_is_named(tmp_path: Path, cells: tuple[str, str]) -> None:
+    path = table(tmp_path, "Datum,R\n" + "".join(f"{cell},0.05\n" for cell in cells))
+    _, t_ns, _ = read(path, TimeSpec(column="Datum"))
+    assert t_ns == [MARCH_NS - 8 * 3600 * S_NS + days * 24 * 3600 * S_NS for days in (0, 12)]
+    path = table(tmp_path, "Datum,Uhrzeit,T\n" + "".join(f"{cell},08:00:00,20\n" for cell in cells))
+    with pytest.raises(UnreadableLogError, match="format = "):  # a log's time of day stands beside them
+        read(path, TimeSpec(column="Datum"))
+
+
 @pytest.mark.parametrize("cell", ["31.02.2024 08:00:00", "01.13.2024 08:00:00", "01.03.2024 24:00:00", "gestern", ""])
 def test_a_stamp_that_is_none_is_rejected(tmp_path: Path, cell: str) -> None:
     path = table(tmp_path, f"Zeit;T\n01.03.2024 08:00:00;20\n{cell};21\n01.03.2024 08:00:02;20\n")

@@ -429,6 +429,15 @@ def test_a_table_of_many_specimens_says_which_rows_are_whose(tmp_path: Path) -> 
     assert [(part["first_record"], part["last_record"]) for part in event.parts] == [(0, 99), (100, 199)]
 
 
+def test_only_within_a_specimen_a_clock_steps_back(tmp_path: Path) -> None:
+    rows, half = some_rows(), np.arange(100) * 500_000_000
+    each = Rows(START_NS + np.concatenate([half, half]), rows.columns, rows.record)  # two specimens at the same times
+    assert decoded(tmp_path, record(tmp_path, each), bench=TABLE).settings["clock"] == {"doubled": ["rows"]}
+    back = Rows(each.t_ns - 10**9 * (np.arange(200) >= 150), rows.columns, rows.record)
+    found = decoded(tmp_path, record(tmp_path, back), bench=TABLE).settings["clock"]
+    assert (found["back_steps"], found["back_ns"], found["other"]) == (1, 500_000_000, 2)
+
+
 def test_a_specimen_column_that_is_not_there_is_refused_with_the_nearest(tmp_path: Path) -> None:
     with pytest.raises(BenchFileError) as refused:
         decoded(tmp_path, record(tmp_path, some_rows()), bench=TABLE.replace('"Serial"', '"Serail"'))

@@ -269,10 +269,10 @@ def test_what_cannot_be_compared_says_why(rows: int) -> None:
     assert found.slope_percent_per_100h is None
 
 
-def test_a_specimen_with_one_dose_is_named_as_such() -> None:
-    found = assess(
-        ["a"] * 3 + ["b"] * 3 + ["c"] * 3 + ["d"], [None] * 10, [0.0, 12.0, 24.0] * 3 + [5.0], np.zeros(10), 0.01
-    )
+@pytest.mark.parametrize("dose_h", [5.0, 461.1])  # the mean of 461.1 alone is rounded
+def test_a_specimen_with_one_dose_is_named_as_such(dose_h: float) -> None:
+    names = ["a"] * 3 + ["b"] * 3 + ["c"] * 3 + ["d"]
+    found = assess(names, [None] * 10, [0.0, 12.0, 24.0] * 3 + [dose_h], np.zeros(10), 0.007)
     lone = found.specimens[-1]
     assert (lone.specimen, lone.slope_percent_per_100h, lone.score) == ("d", None, None)
     assert "two different doses" in lone.why

@@ -5,16 +5,18 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from analytics import warehouse
 from ingest.facts import facts
+from ingest.facts.events import SessionRecorded
 from ingest.facts.store import Store
 from ingest.facts.store_check import damage
 from plant import fleet, insulation_campaign
@@ -25,6 +27,8 @@ from replay.cli import main
 from replay.studies.ageing import assess
 from replay.studies.ageing import whole as whole_fleet
 from replay.studies.ageing.assessment import document, read
+from replay.studies.ageing.dc_checks import Evaluated
+from replay.studies.ageing.history import History, with_tables
 
 Capture = pytest.CaptureFixture[str]
 FORMS = ("none", "dip_then_rise")
@@ -273,6 +277,19 @@ def test_what_vehicles_count_is_a_dose(tmp_path: Path) -> None:
         assert low < read_out.true_equivalent_h[last] < high, "1.0 eV lies between the rules"
         assert one["life_used"] == pytest.approx([low / 20_000, high / 20_000], rel=1e-3)
         assert "3 are needed" in one["why"]
+
+
+def test_a_check_that_stands_in_two_tables_counts_once_and_two_alike_in_one_are_two() -> None:
+    def rows(table: str, resistances: Sequence[float]) -> list[tuple[SessionRecorded, Evaluated]]:
+        session = cast(SessionRecorded, SimpleNamespace(session=table, name=table))
+        return [(session, Evaluated(table, 0, one, 0.0, None, None)) for one in resistances]
+
+    given = [*rows("march", [0.05, 0.05, 0.06]), *rows("april", [0.05, 0.05, 0.05, 0.06, 0.07])]
+    found = with_tables(History(), given)
+    assert sorted(one.resistance or 0.0 for one in found.points) == [0.05, 0.05, 0.05, 0.06, 0.07]
+    assert found.notes == ["3 rows stand in two tables, with the same time and values: each such check counts once"]
+    undated = [(session, replace(row, t_ns=None)) for session, row in given]
+    assert (len(with_tables(History(), undated).points), with_tables(History(), undated).notes) == (8, [])
 
 
 def _refused(capsys: Capture, *words: str) -> str:
