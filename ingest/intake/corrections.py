@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import shlex
 import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ingest.bench.bench_file import read_bench
+from ingest.bench.bench_file import Bench, read_bench
 from ingest.errors import CorrectionError, DamageError
 from ingest.facts import facts as ledger_facts
 from ingest.facts import sessions
@@ -102,6 +103,7 @@ def plan_of(
     decodes = [one for one in facts.decodes.values() if one.raw == raw]
     decode = next((one for one in decodes if one.decode in used), decodes[-1])
     setup = _setup(store, facts, decode, files, motor_file)
+    _one_for_all(facts.files[raw].name, decode, setup.bench, said)
     changes: dict[str, list[Any]] = {}
     for what, old, new in (
         ("bench", decode.bench, setup.bench.sha256 if setup.bench else None),
@@ -118,6 +120,18 @@ def plan_of(
     before = sessions.overrides_of(its, benches, facts.decodes).get(raw, Override())
     given = {what: value for what, value in vars(said).items() if value is not None}
     return LogPlan(raw, decode, setup, replace(before, **given), changes)
+
+
+def _one_for_all(name: str, decode: DecodeCompleted, bench: Bench | None, said: Override) -> None:
+    """Refuse one name for all specimens of a table that says which rows are whose."""
+    for what, column in (("specimen", "specimen_column"), ("batch", "batch_column")):
+        held = list(dict.fromkeys(part[what] for part in decode.parts))
+        if getattr(said, what) is not None and bench and getattr(bench, column) and len(held) > 1:
+            raise CorrectionError(
+                f"{name}: --{what} would give one {what} to all rows, and they are of {len(held)} "
+                f"({', '.join(map(str, held[:3]))}{' ...' if held[3:] else ''}). Correct the names in the table, take "
+                f"this log back (`whyhot retract {shlex.quote(name)} --reason TEXT`), and ingest the table again."
+            )
 
 
 def _setup(

@@ -147,6 +147,10 @@ def test_a_session_taken_back_takes_all_its_logs_along_and_an_inspection_stays()
         (("retract", "t", *WHY), "t: is more than one: session "),
         (("correct", "b.csv", *WHY), "nothing to correct: say what is right: --bench, --dbc, --specimen, --batch or"),
         (("correct", "b.csv", "--specimen", "S01", *WHY), "b.csv: is so already: there is nothing to correct"),
+        (
+            ("correct", "t.csv", "--specimen", "S1", *WHY),
+            "t.csv: --specimen would give one specimen to all rows, and they are of 2 (S0, S1). Correct the names in ",
+        ),
         (("correct", "end.jpg", "--kind", "s1", *WHY), "end.jpg: is no log or session: `whyhot retract end.jpg"),
     ],
 )
