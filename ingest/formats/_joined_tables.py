@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from ingest.formats import Log, Rejected, Rows
 from ingest.formats._csv_dialect import unique
+from ingest.formats._merged import part_size
+from ingest.formats._merged import rows as merged_rows
 
 CELLS = 4_000_000  # of a batch, at most
 ROWS = 100_000  # of a batch, at most
@@ -38,16 +40,9 @@ class OwnTimes:
     raw: Callable[[int], bytes]
     why: Callable[[int], str]
     where: Callable[[int], str]
-    row: Ints | None = (
-        None  # of each record among all rows, rising; None where each is a row, and no table is beside it
-    )
 
-    def within(self, first: int, end: int) -> tuple[int, int, Ints]:
-        """(start, stop, rows) of the records in the rows from `first` to before `end`."""
-        if self.row is None:
-            return first, end, np.arange(first, end)
-        start, stop = np.searchsorted(self.row, [first, end]).tolist()
-        return start, stop, self.row[start:stop]
+
+Span = tuple[OwnTimes, int, Ints]  # of a table: the number of a record, and the rows of it and of those behind it
 
 
 def held(t_ns: Ints, bad: Flags) -> Callable[[int, int], tuple[Ints, Flags]]:
@@ -73,20 +68,22 @@ class JoinedTables(Log):
         names = unique(full)[0]
         units = [unit.strip() for table in tables for unit in table.units]
         self.units |= {name: unit for name, unit in zip(names, units, strict=True) if unit}
-        self.found = _place(tables)
         size = max(1, min(ROWS, CELLS // max(1, len(names))))
-        for first in range(0, self.found, size):
-            yield from self._rows(tables, names, first, min(first + size, self.found))
+        starts = [0] * len(tables)
+        for rows in _placed(tables, size):
+            yield from self._rows([*zip(tables, starts, rows, strict=True)], names)
+            starts = [start + len(own) for start, own in zip(starts, rows, strict=True)]
 
-    def _rows(self, tables: Sequence[OwnTimes], names: Sequence[str], first: int, end: int) -> Iterator[Rows]:
-        """The rows from `first` to before `end`."""
+    def _rows(self, spans: Sequence[Span], names: Sequence[str]) -> Iterator[Rows]:
+        """The next rows."""
+        first, end = self.found, 1 + max(int(rows[-1]) for _, _, rows in spans if len(rows))
+        self.found = end
         t_ns, fine = np.zeros(end - first, np.int64), np.ones(end - first, np.bool_)
         columns: dict[str, NDArray[Any]] = {}
         rejected: list[Rejected] = []
         name = iter(names)
-        for table in tables:
-            start, stop, rows = table.within(first, end)
-            at = rows - first
+        for table, start, rows in spans:
+            stop, at = start + len(rows), rows - first
             t_ns[at], bad = table.times(start, stop)
             fine[at] = ~bad
             for place in np.flatnonzero(bad).tolist():
@@ -98,46 +95,39 @@ class JoinedTables(Log):
                 column = np.full(end - first, "" if cells.dtype == object else np.nan, cells.dtype)
                 column[at] = cells
                 columns[next(name)] = column
-        self.note_places(np.arange(first, end), lambda i: _where(tables, first + i))
+        self.note_places(np.arange(first, end), lambda i: _where(spans, first + i))
         self.rejected.extend(sorted(rejected, key=lambda one: one.record))
         kept = np.flatnonzero(fine)
         if len(kept):
             yield Rows(t_ns[kept], {name: cells[kept] for name, cells in columns.items()}, first + kept)
 
 
-def _where(tables: Sequence[OwnTimes], row: int) -> str:
+def _where(spans: Sequence[Span], row: int) -> str:
     """Where the records of a row stand in the file, each with its table where there are several."""
-    found = ((table, table.within(row, row + 1)) for table in tables)
-    there = [(table, i) for table, (start, stop, _) in found for i in range(start, stop)]
-    return "; ".join(f"{table.name}: {table.where(i)}" if len(tables) > 1 else table.where(i) for table, i in there)
+    found = ((table, start + int(i)) for table, start, rows in spans for i in np.flatnonzero(rows == row))
+    return "; ".join(f"{table.name}: {table.where(i)}" if len(spans) > 1 else table.where(i) for table, i in found)
 
 
-def _place(tables: Sequence[OwnTimes]) -> int:
-    """Give each record its row, and say how many rows there are.
+def _placed(tables: Sequence[OwnTimes], size: int) -> Iterator[list[Ints]]:
+    """The rows of the next records of each table, for `size` rows after another.
 
     Records of several tables with one stamp are one row. Those of a table keep their order: one whose stamp steps back
     stays behind the latest before it, and the second with one stamp has a row of its own.
     """
-    if len(tables) < 2:
-        return sum(table.count for table in tables)
-    whole = np.concatenate([_keys(number, table) for number, table in enumerate(tables)], axis=1)
-    order = np.lexsort(whole[::-1])
-    again = np.zeros(len(order), np.bool_)
-    again[:1] = True
-    for key in whole:  # one after another: memory holds one of them twice, not all
-        again[1:] |= np.diff(key[order]) != 0
-    row = np.empty(len(order), np.int64)
-    row[order] = np.cumsum(again) - 1
-    ends = np.cumsum([table.count for table in tables])
-    for table, rows in zip(tables, np.split(row, ends[:-1]), strict=True):
-        table.row = rows
-    return int(again.sum())
+    if len(tables) == 1:
+        count = tables[0].count
+        return ([np.arange(first, min(first + size, count))] for first in range(0, count, size))
+    step = part_size(len(tables))
+    return merged_rows([_keys(number, table, step) for number, table in enumerate(tables)], size)
 
 
-def _keys(number: int, table: OwnTimes) -> Ints:
+def _keys(number: int, table: OwnTimes, step: int) -> Iterator[Ints]:
     """What tells the row of a record (4, N): latest stamp so far, place among those, own stamp, whose alone it is."""
-    t_ns, bad = table.times(0, table.count)
-    latest = np.maximum.accumulate(np.where(bad, np.iinfo(np.int64).min, t_ns))
-    new = np.concatenate([[True], np.diff(latest) != 0])
-    begin = np.maximum.accumulate(np.where(new, np.arange(len(latest)), 0))
-    return np.stack([latest, np.arange(len(latest)) - begin, t_ns, np.where(bad, number + 1, 0)])
+    latest, place = np.iinfo(np.int64).min, -1
+    for start in range(0, table.count, step):
+        t_ns, bad = table.times(start, min(start + step, table.count))
+        so_far = np.maximum.accumulate(np.where(bad, latest, np.maximum(t_ns, latest)))
+        new, at = np.diff(so_far, prepend=latest) != 0, np.arange(len(so_far))
+        places = at - np.maximum.accumulate(np.where(new, at, -1 - place))
+        yield np.stack([so_far, places, t_ns, np.where(bad, number + 1, 0)])
+        latest, place = so_far[-1], int(places[-1])

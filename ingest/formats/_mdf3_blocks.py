@@ -31,7 +31,7 @@ from ingest.formats._mdf_conversions import (
     as_stored,
     conversion,
 )
-from ingest.formats._mdf_records import FileBytes, Piece, Records, Stored, unsorted_records
+from ingest.formats._mdf_records import FileBytes, Piece, Records, Stored, octets, unsorted_records
 
 HEADER_AT = 64
 ORDER_AT = 24  # of the file: 0 where numbers begin with their lowest byte
@@ -60,10 +60,10 @@ class OldBlock:
 
 
 class Mdf3:
-    """An open file of version 2 or 3."""
+    """An open file of version 2 or 3. `waiting`: an empty file for records that are sorted."""
 
-    def __init__(self, file: IO[bytes], size: int) -> None:
-        self._file, self._size = file, size
+    def __init__(self, file: IO[bytes], size: int, waiting: IO[bytes]) -> None:
+        self._file, self._size, self._waiting = file, size, waiting
         self._order = ">" if int.from_bytes(self._read(ORDER_AT, 2), "little") else "<"
         self._conversions: dict[int, tuple[MdfConversion, str]] = {}
 
@@ -96,7 +96,8 @@ class Mdf3:
         part = FileBytes(self._file, at, max(0, min(wanted, self._size - at)) if at else 0)
         ended = f"ends at byte {self._size:,} of {at + wanted:,}" if part.length < wanted else None
         if ids:
-            return replace(unsorted_records(groups, part.read(), 1, ended), pieces=[Piece(0, at)])
+            found = unsorted_records(groups, octets([part]), 1, ended, self._waiting)
+            return replace(found, pieces=[Piece(0, at)])
         of = {}
         for group in groups:
             count = min(group.declared, part.length // group.size) if group.size else 0

@@ -50,7 +50,7 @@ class MdfLog(Log):
         self.settings["finalised"] = mark != UNFINISHED
         try:
             if self.settings["version"] < "4":
-                yield from self._of_version_3(Mdf3(file, size))
+                yield from self._of_version_3(Mdf3(file, size, waiting))
             else:
                 yield from self._of_version_4(Mdf(file, size, open_parts if mark == UNFINISHED else 0, waiting))
         except BrokenBlock as broken:

@@ -21,12 +21,14 @@ DATA_GROUP = struct.Struct("<B")
 PACKED = struct.Struct("<2sBxIQQ")
 LENGTH = struct.Struct("<I")  # before each value of variable length
 AT_ONCE = 32 << 20  # bytes of records that are read at once
+WINDOW = 4 << 20  # bytes in which records of several kinds are looked for at once: above the longest record
+APART = 256  # bytes between values of variable length above which they are read one by one
 RATIO = 1100  # which deflate cannot exceed
 OPEN_LENGTH, OPEN_OFFSETS = 1 << 2, 1 << 6  # of a file that was not finalised: what in it is not written yet
 PLAIN_MARKS = (b"##DT", b"##SD")
 
 Bytes = NDArray[np.uint8]
-Octets = bytes | bytearray
+Ints = NDArray[np.int64]
 
 
 class Piece(NamedTuple):
@@ -67,8 +69,12 @@ class Stored:
         start, stop, _ = some.indices(count)
         if self._last[:2] != (start, stop):
             data = b"".join(self._read(start * size, stop * size))
-            self._last = (start, stop, np.frombuffer(data, np.uint8).reshape(-1, size))
+            self._last = (start, stop, np.frombuffer(data, np.uint8).reshape(stop - start, size))
         return self._last[2]
+
+    def integers(self, start: int, stop: int) -> Ints:
+        """Records of eight bytes as numbers (N,)."""
+        return self[start:stop].reshape(-1).view(np.int64)
 
     def _read(self, start: int, stop: int) -> Iterator[bytes]:
         """The bytes from `start` to before `stop` of all, a part at a time."""
@@ -79,10 +85,19 @@ class Stored:
             yield part.read(max(0, start - begin), stop - begin)
 
 
-Table = Bytes | Stored
+def octets(parts: Sequence[FileBytes]) -> Stored:
+    """All bytes of some parts, as records of one byte."""
+    return Stored(parts, _whole(parts), 1)
 
 
-def chunks(table: Table, start: int, stop: int) -> Iterator[tuple[int, Bytes]]:
+def kept(data: bytes, waiting: IO[bytes]) -> FileBytes:
+    """Bytes to be read again, at the end of the file `waiting`."""
+    at = waiting.seek(0, SEEK_END)
+    waiting.write(data)
+    return FileBytes(waiting, at, len(data))
+
+
+def chunks(table: Stored, start: int, stop: int) -> Iterator[tuple[int, Bytes]]:
     """Records from `start` to before `stop` as (number of the first, some of them), at most `AT_ONCE` bytes of them."""
     step = max(1, AT_ONCE // max(1, table.shape[1]))
     return ((first, table[first : min(first + step, stop)]) for first in range(start, stop, step))
@@ -91,18 +106,19 @@ def chunks(table: Table, start: int, stop: int) -> Iterator[tuple[int, Bytes]]:
 @dataclass(frozen=True)
 class Records:
     """Records of a data group: `of` by the place of their group, each (N, size); `ended`: why they are not whole.
-    `begins` of each record (N,) among all bytes, by the place of its group, where there are several kinds."""
+    `begins` of each record among all bytes, as integers, by the place of its group, where there are several kinds."""
 
     groups: tuple[MdfGroup, ...]
-    of: Mapping[int, Table]
-    values: Mapping[int, bytes]  # of variable length, by the place of their group
+    of: Mapping[int, Stored]
+    values: Mapping[int, Stored]  # bytes of those of variable length, by the place of their group
     ended: str | None
     pieces: Sequence[Piece] = ()
-    begins: Mapping[int, NDArray[np.int64]] = field(default_factory=dict)
+    begins: Mapping[int, Stored] = field(default_factory=dict)
 
     def where(self, group: MdfGroup, i: int) -> str:
         """Where record `i` of a group begins in the file."""
-        begin = int(self.begins[group.at][i]) if group.at in self.begins else i * group.size
+        begins = self.begins.get(group.at)
+        begin = i * group.size if begins is None else int(begins.integers(i, i + 1)[0])
         piece = next(one for one in reversed(self.pieces) if one.begin <= begin)
         inside = begin - piece.begin
         return f"byte {piece.at:,}, unpacked +{inside:,}" if piece.packed else f"byte {piece.at + inside:,}"
@@ -114,7 +130,7 @@ class Mdf(MdfBlocks):
     def __init__(self, file: IO[bytes], size: int, open_parts: int, waiting: IO[bytes]) -> None:
         super().__init__(file, size, open_parts)
         self._left = most_unpacked(size)
-        self._waiting = waiting
+        self.waiting = waiting
 
     def records(self, data_group: Block) -> Records:
         """All records of a data group. Raises BrokenBlock where its description is none."""
@@ -126,7 +142,7 @@ class Mdf(MdfBlocks):
             return Records(groups, {}, {}, None)
         parts, ended, pieces = self._found(link(data_group, 2)) if link(data_group, 2) else ([], None, [])
         if id_size:
-            found = unsorted_records(groups, _joined(parts), id_size, ended)
+            found = unsorted_records(groups, octets(parts), id_size, ended, self.waiting)
         else:
             found = self._sorted(groups, parts, ended)
         found = replace(found, pieces=pieces)
@@ -146,9 +162,9 @@ class Mdf(MdfBlocks):
             count = min(count, group.declared)
         return Records(groups, {group.at: Stored(parts, count, group.size)}, {}, ended)
 
-    def values(self, at: int) -> Octets:
+    def values(self, at: int) -> Stored:
         """The bytes in the data blocks that begin at `at`, as far as they are whole."""
-        return _joined(self._found(at)[0])
+        return octets(self._found(at)[0])
 
     def _found(self, at: int) -> tuple[list[FileBytes], str | None, list[Piece]]:
         """The bytes in the data blocks that begin at `at`, why they are not whole, and where they stand."""
@@ -177,7 +193,7 @@ class Mdf(MdfBlocks):
 
     def _piece(self, at: int, mark: bytes, length: int) -> Iterator[tuple[int, bool, FileBytes]]:
         if mark == b"##DZ":
-            yield at, True, self._kept(self._unpacked(at, length))
+            yield at, True, kept(self._unpacked(at, length), self.waiting)
             return
         if mark not in PLAIN_MARKS or length < HEAD.size:
             raise BrokenBlock(f"is damaged at byte {at:,}")
@@ -187,12 +203,6 @@ class Mdf(MdfBlocks):
         yield begin, False, FileBytes(self._file, begin, max(0, min(end, self._size) - begin))
         if end > self._size:
             raise BrokenBlock(f"ends at byte {self._size:,} of {end:,}")
-
-    def _kept(self, data: bytes) -> FileBytes:
-        """Unpacked bytes, to be read again."""
-        at = self._waiting.seek(0, SEEK_END)
-        self._waiting.write(data)
-        return FileBytes(self._waiting, at, len(data))
 
     def _unpacked(self, at: int, length: int) -> bytes:
         if at + length > self._size or length < HEAD.size + PACKED.size:
@@ -213,57 +223,104 @@ class Mdf(MdfBlocks):
         return _upright(data, columns) if method else data
 
 
-def _joined(parts: Sequence[FileBytes]) -> Octets:
-    """All bytes of some parts; those of a single one are not copied."""
-    if len(parts) == 1:
-        return parts[0].read()
-    whole = bytearray()
-    for part in parts:
-        whole += part.read()
-    return whole
+def gathered(values: Stored, offsets: Ints, most: int) -> tuple[Bytes, Ints, Ints]:
+    """Values of variable length at `offsets` (N,): (bytes, where in them each begins, lengths), the latter two (N,).
 
-
-def gathered(values: Octets, offsets: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(starts, lengths) in `values` of those of variable length at `offsets` (N,); length -1 where there is none."""
-    octets = np.frombuffer(values, np.uint8)
-    fine = (offsets >= 0) & (offsets <= len(octets) - LENGTH.size)
-    lengths = np.full(len(offsets), -1, np.int64)
-    heads = octets[offsets[fine][:, None] + np.arange(LENGTH.size)]
+    Of each at most `most` bytes are read. Length -1 where there is none.
+    """
+    fine = np.flatnonzero((offsets >= 0) & (offsets <= len(values) - LENGTH.size))
+    fine = fine[np.argsort(offsets[fine], kind="stable")]
+    at = offsets[fine]
+    runs = [run for run in np.split(at, np.flatnonzero(np.diff(at) > APART) + 1) if len(run)]
+    read = [values[int(run[0]) : int(run[-1]) + LENGTH.size + most].reshape(-1) for run in runs]
+    begins = np.cumsum([0, *map(len, read)])
+    data = np.concatenate([np.empty(0, np.uint8), *read])
+    starts, lengths = np.zeros(len(offsets), np.int64), np.full(len(offsets), -1, np.int64)
+    inside = [run - run[0] + begin for run, begin in zip(runs, begins, strict=False)]
+    starts[fine] = np.concatenate([np.empty(0, np.int64), *inside])
+    heads = data[starts[fine][:, None] + np.arange(LENGTH.size)]
     lengths[fine] = heads.astype(np.int64) @ (1 << 8 * np.arange(LENGTH.size))
-    starts = offsets + LENGTH.size
-    lengths[starts + lengths > len(octets)] = -1
-    return starts, lengths
+    starts += LENGTH.size
+    lengths[offsets + LENGTH.size + lengths > len(values)] = -1
+    return data, starts, lengths
 
 
-def unsorted_records(groups: tuple[MdfGroup, ...], data: Octets, id_size: int, ended: str | None) -> Records:
-    """Records of several kinds, each with the number of its kind before it."""
+def in_turn(values: Stored, count: int, waiting: IO[bytes]) -> Stored:
+    """Where `count` values of variable length begin that follow each other, as integers."""
+    parts, at, end = list[FileBytes](), 0, len(values)
+    while count:
+        some, begin, found = values[at : at + WINDOW].tobytes(), at, list[int]()
+        while len(found) < count and (inside := at - begin) + LENGTH.size <= len(some):
+            found.append(at)
+            at += LENGTH.size + LENGTH.unpack_from(some, inside)[0]
+        found = found or [end] * min(count, WINDOW)
+        parts.append(kept(np.array(found, np.int64).tobytes(), waiting))
+        count -= len(found)
+    return Stored(parts, _whole(parts) // 8, 8)
+
+
+def unsorted_records(
+    groups: tuple[MdfGroup, ...], data: Stored, id_size: int, ended: str | None, waiting: IO[bytes]
+) -> Records:
+    """Records of several kinds, each with the number of its kind before it; they are kept sorted in `waiting`."""
     sizes = {group.record_id: None if group.flags & VLSD_GROUP else group.size for group in groups}
-    starts: dict[int, list[int]] = {group.record_id: [] for group in groups}
-    pieces: dict[int, list[Octets]] = {group.record_id: [] for group in groups}
-    at, end = 0, len(data)
-    while at + id_size <= end:
-        kind = int.from_bytes(data[at : at + id_size], "little")
-        if kind not in sizes:
+    of, begins, values = ({group.at: list[FileBytes]() for group in groups} for _ in range(3))
+    at, end, is_known = 0, len(data), True
+    while at + id_size <= end and is_known:
+        window = data[at : at + WINDOW].reshape(-1)
+        starts, pieces, inside, kind = _split(window.tobytes(), sizes, id_size, at + len(window) == end)
+        for group in groups:
+            own = np.array(starts[group.record_id], np.int64)
+            own = own[own + group.size <= len(window)]
+            of[group.at].append(kept(window[own[:, None] + np.arange(group.size)].tobytes(), waiting))
+            begins[group.at].append(kept((own + at).tobytes(), waiting))
+            values[group.at].append(kept(b"".join(pieces[group.record_id]), waiting))
+            if kind == group.record_id and sizes[kind] is None:  # its last value may end far behind
+                for begin in range(at + len(window), min(at + inside, end), WINDOW):
+                    part = data[begin : min(begin + WINDOW, at + inside)]
+                    values[group.at].append(kept(part.tobytes(), waiting))
+        at += inside
+        is_known = kind in sizes
+        if not is_known:
             ended = ended or f"is damaged behind {at:,} bytes of records"
-            break
-        at += id_size
-        size = sizes[kind]
-        if size is None:
-            size = LENGTH.size + (LENGTH.unpack_from(data, at)[0] if at + LENGTH.size <= end else end)
-            pieces[kind].append(data[at : at + size])
-        else:
-            starts[kind].append(at)
-        at += size
     if at > end:
         ended = ended or "ends inside a record"
-    octets = np.frombuffer(data, np.uint8)
-    of, values, begins = dict[int, Bytes](), dict[int, bytes](), dict[int, NDArray[np.int64]]()
-    for group in groups:
-        own = np.array(starts[group.record_id], np.int64)
-        begins[group.at] = own = own[own + group.size <= end]
-        of[group.at] = octets[own[:, None] + np.arange(group.size)]
-        values[group.at] = b"".join(pieces[group.record_id])
-    return Records(groups, of, values, ended, begins=begins)
+    return Records(
+        groups,
+        {group.at: Stored(of[group.at], _whole(begins[group.at]) // 8, group.size) for group in groups},
+        {place: octets(parts) for place, parts in values.items()},
+        ended,
+        begins={place: Stored(parts, _whole(parts) // 8, 8) for place, parts in begins.items()},
+    )
+
+
+def _split(
+    some: bytes, sizes: Mapping[int, int | None], id_size: int, is_last: bool
+) -> tuple[dict[int, list[int]], dict[int, list[bytes]], int, int]:
+    """(where records of a fixed size begin, values of variable length, both by kind; bytes that they take; the last
+    kind) of the whole records in `some`, and of one that goes on behind where it is the first or `is_last`."""
+    starts = {kind: list[int]() for kind in sizes}
+    pieces = {kind: list[bytes]() for kind in sizes}
+    at, end, kind = 0, len(some), 0
+    while at + id_size <= end:
+        kind = int.from_bytes(some[at : at + id_size], "little")
+        if kind not in sizes:
+            break
+        begin, size = at + id_size, sizes[kind]
+        if size is None:
+            size = LENGTH.size + (LENGTH.unpack_from(some, begin)[0] if begin + LENGTH.size <= end else end)
+        if begin + size > end and at and not is_last:
+            break
+        if sizes[kind] is None:
+            pieces[kind].append(some[begin : begin + size])
+        else:
+            starts[kind].append(begin)
+        at = begin + size
+    return starts, pieces, at, kind
+
+
+def _whole(parts: Sequence[FileBytes]) -> int:
+    return sum(part.length for part in parts)
 
 
 def _upright(data: bytes, columns: int) -> bytes:

@@ -23,7 +23,7 @@ from ingest.formats import LATE_NS, Rows
 from ingest.formats._joined_tables import JoinedTables, OwnTimes, counted
 from ingest.formats._mdf_blocks import BrokenBlock, MdfChannel
 from ingest.formats._mdf_log import MdfLog
-from ingest.formats._mdf_records import Records, Table, chunks
+from ingest.formats._mdf_records import Records, Stored, chunks
 from ingest.formats._mdf_values import TEXTS, TIMES, VIRTUAL, invalid, stored, values
 
 TIME = 1  # what a master stands for
@@ -40,8 +40,7 @@ Flags = NDArray[np.bool_]
 
 @dataclass
 class MdfTables(MdfLog, JoinedTables):
-    """An MDF file of channels, read in bounded memory where it has one group. Of several all stamps are held, and of
-    groups whose records are not sorted the records."""
+    """An MDF file of channels, read in bounded memory."""
 
     _left: list[str] = field(default_factory=list)
     _unread: dict[str, str] = field(default_factory=dict)
@@ -75,7 +74,7 @@ class MdfTables(MdfLog, JoinedTables):
             if kept:
                 yield self._table(name, kept, records, clock, partial(found.where, group))
 
-    def _keep(self, channel: MdfChannel, group: str, records: Table) -> bool:
+    def _keep(self, channel: MdfChannel, group: str, records: Stored) -> bool:
         """Whether a channel is a column; else it is named with why not."""
         called = f"{group}/{channel.name}"
         if channel.is_array or channel.form >= TEXTS or channel.kind not in (*FIXED, *VIRTUAL):
@@ -86,7 +85,7 @@ class MdfTables(MdfLog, JoinedTables):
             return False
         return self._is_whole(channel, records)
 
-    def _is_whole(self, channel: MdfChannel, records: Table) -> bool:
+    def _is_whole(self, channel: MdfChannel, records: Stored) -> bool:
         """Whether a channel lies in its records; else that is noted."""
         try:
             stored(records[:1], channel)
@@ -99,7 +98,7 @@ class MdfTables(MdfLog, JoinedTables):
         self,
         name: str,
         kept: tuple[MdfChannel, ...],
-        records: Table,
+        records: Stored,
         clock: MdfChannel | None,
         where: Callable[[int], str],
     ) -> OwnTimes:
@@ -112,6 +111,7 @@ class MdfTables(MdfLog, JoinedTables):
 
         parts = (seconds(first, some) for first, some in chunks(records, 0, len(records)))
         since_1970 = self._is_since_1970(parts)
+        records[:1]  # lets go of the part that was read: there may be many groups
 
         def times(start: int, stop: int) -> tuple[Ints, Flags]:
             found = [self._stamps(seconds(*part), since_1970) for part in chunks(records, start, stop)]

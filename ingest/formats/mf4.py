@@ -12,7 +12,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -35,8 +35,9 @@ from ingest.formats._frame_lines import (
 )
 from ingest.formats._mdf_blocks import Block, BrokenBlock, MdfBlocks, MdfChannel, MdfGroup
 from ingest.formats._mdf_log import HEADER_AT, MdfLog
-from ingest.formats._mdf_records import LENGTH, OPEN_OFFSETS, Mdf, Octets, Records, gathered
+from ingest.formats._mdf_records import OPEN_OFFSETS, Mdf, Records, Stored, gathered, in_turn, octets
 from ingest.formats._mdf_values import TEXTS, TIMES, VIRTUAL, values
+from ingest.formats._merged import part_size, rows
 
 EXTENDED_BIT = 31  # of an identifier of 32 bits
 NAME = re.compile(r"(?:^|\.)(CAN_(?:Data|Remote|Error)Frame|[A-Z]+_\w+?)(?:\.(\w+))?$")
@@ -58,11 +59,26 @@ WHY = (
 )
 
 
+@dataclass(frozen=True)
+class _Group:
+    """The records of one group of frames, which is called `kind`. `apart`: the payloads that lie in no record, and
+    `offsets`: where each begins there, where the records do not say it."""
+
+    kind: str
+    count: int
+    table: Stored
+    clock: MdfChannel | None
+    channels: Mapping[str, MdfChannel]  # by the last part of their names
+    apart: Stored | None
+    offsets: Stored | None
+    where: Callable[[int], str]  # record i stands in the file
+
+
 @dataclass
 class _Part:
-    """Records of one group as frames, all (N,). The payload of frame i is `data[source[i]:source[i] + length[i]]`."""
+    """Some records of a group as frames, all (N,). The payload of frame i is
+    `data[source[i]:source[i] + length[i]]`."""
 
-    called: str
     t_ns: Ints
     bus: Ints
     can_id: Ints
@@ -71,63 +87,85 @@ class _Part:
     length: Ints
     why: Ints  # place in WHY + 1 of a record that is no frame, else 0
     data: NDArray[np.uint8]
-    table: NDArray[np.uint8]  # (N, size of a record)
-    where: Callable[[int], str]  # record i stands in the file
 
 
 @dataclass
 class Mf4Log(MdfLog):
-    """An MF4 file, read as a whole."""
+    """An MF4 file, read in bounded memory."""
 
     _other: Counter[str] = field(default_factory=Counter)
 
     def batches(self) -> Iterator[Frames]:
         """Frames in the order of time. Raises UnreadableLogError where the file holds none."""
         with self._opened() as found:
-            groups = ((mdf, records) for mdf, records in found if isinstance(mdf, Mdf))
-            parts = [part for mdf, records in groups for part in self._parts(mdf, records)]
-        self.settings["other_records"] = dict(sorted(self._other.items()))
-        self.found = sum(len(part.t_ns) for part in parts)
-        if not self.found:
-            why = self._problems[0] if self._problems else "its groups of frames hold no record"
-            raise UnreadableLogError(f"{self.path.name}: {why}: no CAN frame of it can be read. Copy the file again.")
-        yield from self._ordered(parts)
+            groups = [group for mdf, records in found if isinstance(mdf, Mdf) for group in self._groups(mdf, records)]
+            self.settings["other_records"] = dict(sorted(self._other.items()))
+            self.found = sum(group.count for group in groups)
+            if not self.found:
+                why = self._problems[0] if self._problems else "its groups of frames hold no record"
+                raise UnreadableLogError(
+                    f"{self.path.name}: {why}: no CAN frame of it can be read. Copy the file again."
+                )
+            yield from self._ordered(groups)
         if self._problems:
             self.mark_cut("; ".join(self._problems[:3]), f"{self.found - len(self.rejected):,} frames")
 
-    def _parts(self, mdf: Mdf, records: Records) -> Iterator[_Part]:
-        """The frames of a data group; what is damaged in it is noted."""
+    def _groups(self, mdf: Mdf, records: Records) -> Iterator[_Group]:
+        """The groups of frames of a data group; what is damaged in it is noted."""
         try:
             for group in records.groups:
                 kind, channels = _bus_channels(group)
-                table = records.of.get(group.at, ())
-                if kind in FRAMES and len(table):
-                    yield self._part(mdf, records, group, kind, channels)
-                elif group.channels and len(table):
+                table = records.of.get(group.at)
+                if kind in FRAMES and table:
+                    yield self._group(mdf, records, group, table, kind, channels)
+                elif group.channels and table:
                     self._other[kind] += len(table)
         except BrokenBlock as broken:
             self._problems.append(str(broken))
 
-    def _part(
-        self, mdf: Mdf, records: Records, group: MdfGroup, kind: str, channels: Mapping[str, MdfChannel]
-    ) -> _Part:
-        table = records.of[group.at][:]
+    def _group(
+        self,
+        mdf: Mdf,
+        records: Records,
+        group: MdfGroup,
+        table: Stored,
+        kind: str,
+        channels: Mapping[str, MdfChannel],
+    ) -> _Group:
+        """Raises BrokenBlock where a channel lies outside its records."""
+        clock = next((one for one in group.channels if one.kind in TIMES), None)
+        payload = channels.get("DataBytes")
+        apart = offsets = None
+        if payload and payload.kind == VARIABLE:
+            apart = records.values.get(payload.values_at)
+            if apart is None:
+                apart = mdf.values(payload.values_at) if payload.values_at else octets([])
+            if mdf.open_parts & OPEN_OFFSETS:
+                offsets = in_turn(apart, len(table), mdf.waiting)
+        where = partial(records.where, group)
+        found = _Group(kind, len(table), table, clock, channels, apart, offsets, where)
+        self._part(found, 0, 1)
+        return found
+
+    def _part(self, group: _Group, start: int, stop: int) -> _Part:
+        """The records from `start` to before `stop` of a group."""
+        table, channels = group.table[start:stop], group.channels
 
         def value(name: str, otherwise: int = 0) -> Ints:
             channel = channels.get(name)
-            return _integers(table, channel) if channel else np.full(len(table), otherwise, np.int64)
+            return _integers(table, channel, start) if channel else np.full(len(table), otherwise, np.int64)
 
-        t_ns, late = self._times(table, next((one for one in group.channels if one.kind in TIMES), None))
+        t_ns, late = self._times(group, start, stop)
         number, bus = value("ID"), value("BusChannel", 1)
         extended = (value("IDE") != 0) | (number >> EXTENDED_BIT & 1 != 0)
         number &= (1 << EXTENDED_BIT) - 1
         fd = value("EDL") != 0
-        flags = FD * fd | TRANSMIT * _sent(table, channels.get("Dir")) | REMOTE * (kind == REMOTES)
-        data, source, held = _payload(mdf, records, table, channels.get("DataBytes"))
+        flags = FD * fd | TRANSMIT * _sent(table, channels.get("Dir")) | REMOTE * (group.kind == REMOTES)
+        data, source, held = _payload(group, start, stop)
         length = value("DataLength") if "DataLength" in channels else _coded(value("DLC"), fd)
-        length = length if kind == DATA else np.zeros(len(table), np.int64)
+        length = length if group.kind == DATA else np.zeros(len(table), np.int64)
         wrong = (
-            np.full(len(table), kind == ERRORS),
+            np.full(len(table), group.kind == ERRORS),
             late,
             (bus < 0) | (bus > HIGHEST_BUS),
             number > np.where(extended, HIGHEST_ID, HIGHEST_STANDARD),
@@ -136,53 +174,70 @@ class Mf4Log(MdfLog):
         )
         why = np.select(wrong, range(1, len(wrong) + 1), 0)
         can_id = number | np.where(extended, int(EXTENDED), 0)
-        return _Part(kind, t_ns, bus, can_id, flags, source, length, why, data, table, partial(records.where, group))
+        return _Part(t_ns, bus, can_id, flags, source, length, why, data)
 
-    def _times(self, table: NDArray[np.uint8], channel: MdfChannel | None) -> tuple[Ints, NDArray[np.bool_]]:
-        """(t_ns, whether there is none) of each record (N,)."""
-        seconds = values(table, channel).astype(np.float64) if channel else np.full(len(table), np.nan)
+    def _times(self, group: _Group, start: int, stop: int) -> tuple[Ints, NDArray[np.bool_]]:
+        """(t_ns, whether there is none) of each of some records (N,)."""
+        table = group.table[start:stop]
+        seconds = values(table, group.clock, start).astype(np.float64) if group.clock else np.full(len(table), np.nan)
         late = ~(np.abs(seconds) < FARTHEST_S)
         t_ns = self._start_ns + np.rint(np.where(late, 0.0, seconds) * 1e9).astype(np.int64)
         return t_ns, late | (t_ns < 0) | (t_ns >= LATE_NS)
 
-    def _ordered(self, parts: list[_Part]) -> Iterator[Frames]:
+    def _keys(self, number: int, group: _Group, step: int) -> Iterator[Ints]:
+        """What the order of records goes by (3, N): the latest stamp so far, their group, their place in it."""
+        latest = np.iinfo(np.int64).min
+        for start in range(0, group.count, step):
+            t_ns, _ = self._times(group, start, min(start + step, group.count))
+            so_far = np.maximum(np.maximum.accumulate(t_ns), latest)
+            latest = so_far[-1]
+            yield np.stack([so_far, np.full(len(t_ns), number), np.arange(start, start + len(t_ns))])
+
+    def _ordered(self, groups: Sequence[_Group]) -> Iterator[Frames]:
         """The frames of all groups, each group's in its own order, groups one among the other by time."""
-        latest = np.concatenate([np.maximum.accumulate(part.t_ns) for part in parts])
-        order = np.argsort(latest, kind="stable")
-        begins = np.cumsum([0, *(len(part.t_ns) for part in parts)])
-        whole = _joined(parts)
-        for first in range(0, self.found, BATCH):
-            at = order[first : first + BATCH]
+        step = part_size(len(groups))
+        starts = [0] * len(groups)
+        for places in rows([self._keys(number, group, step) for number, group in enumerate(groups)], BATCH):
+            ends = [start + len(own) for start, own in zip(starts, places, strict=True)]
+            spans = [span for span in zip(groups, starts, ends, strict=True) if span[1] < span[2]]
+            record = np.concatenate(places)
+            at = np.argsort(record)
+            whole = _joined([self._part(*span) for span in spans])
+            begins = np.cumsum([0, *(stop - start for _, start, stop in spans)])
             bad = whole.why[at] != 0
-            self.note_places(np.arange(first, first + len(at)), partial(_where, parts, begins, at))
+            self.note_places(record[at], partial(_where, spans, begins, at))
             for place in np.flatnonzero(bad).tolist():
-                part, index = _part_of(parts, begins, int(at[place]))
-                where, raw = f"{part.called} {index + 1:,}", part.table[index, :SHOWN].tobytes()
-                self.rejected.append(Rejected(first + place, where, WHY[part.why[index] - 1], raw))
+                group, index = _record(spans, begins, int(at[place]))
+                where, raw = f"{group.kind} {index + 1:,}", group.table[index : index + 1][0, :SHOWN].tobytes()
+                why = WHY[whole.why[at[place]] - 1]
+                self.rejected.append(Rejected(int(record[at[place]]), where, why, raw))
             if not bad.all():
-                yield _frames(whole, at[~bad], first + np.flatnonzero(~bad))
+                yield _frames(whole, at[~bad], record[at[~bad]])
+            starts = ends
 
 
-def _joined(parts: list[_Part]) -> _Part:
-    """All groups as one, without their records."""
+Span = tuple[_Group, int, int]  # records of a group: the first, and that behind the last
+
+
+def _joined(parts: Sequence[_Part]) -> _Part:
+    """Several as one."""
     if len(parts) == 1:
         return parts[0]
-    names = ("t_ns", "bus", "can_id", "flags", "source", "length", "why", "data")
     begins = np.cumsum([0, *(len(part.data) for part in parts[:-1])])
     placed = [replace(part, source=part.source + begin) for part, begin in zip(parts, begins, strict=True)]
-    arrays = {name: np.concatenate([getattr(part, name) for part in placed]) for name in names}
-    return _Part("", **arrays, table=np.empty((0, 0), np.uint8), where=str)
+    return _Part(**{one.name: np.concatenate([getattr(part, one.name) for part in placed]) for one in fields(_Part)})
 
 
-def _part_of(parts: Sequence[_Part], begins: Ints, at: int) -> tuple[_Part, int]:
-    """The part that record `at` of all is of, and its number there."""
+def _record(spans: Sequence[Span], begins: Ints, at: int) -> tuple[_Group, int]:
+    """The group that record `at` of all spans is of, and its number there."""
     number = int(np.searchsorted(begins, at, "right")) - 1
-    return parts[number], int(at - begins[number])
+    group, start, _ = spans[number]
+    return group, start + int(at - begins[number])
 
 
-def _where(parts: Sequence[_Part], begins: Ints, at: Ints, i: int) -> str:
-    part, index = _part_of(parts, begins, int(at[i]))
-    return part.where(index)
+def _where(spans: Sequence[Span], begins: Ints, at: Ints, i: int) -> str:
+    group, index = _record(spans, begins, int(at[i]))
+    return group.where(index)
 
 
 def _frames(whole: _Part, at: Ints, record: Ints) -> Frames:
@@ -217,35 +272,17 @@ def _coded(code: Ints, fd: NDArray[np.bool_]) -> Ints:
     return np.where(fd, lengths, np.minimum(lengths, LONGEST_CLASSIC))
 
 
-def _payload(
-    mdf: Mdf, records: Records, table: NDArray[np.uint8], channel: MdfChannel | None
-) -> tuple[NDArray[np.uint8], Ints, Ints]:
+def _payload(group: _Group, start: int, stop: int) -> tuple[NDArray[np.uint8], Ints, Ints]:
     """(bytes, where in them each payload begins, and how many each has), the latter two (N,)."""
+    table, channel = group.table[start:stop], group.channels.get("DataBytes")
     count, size = table.shape
     if channel is None:
         return np.empty(0, np.uint8), np.zeros(count, np.int64), np.zeros(count, np.int64)
-    if channel.kind != VARIABLE:
+    if group.apart is None:
         held = min(channel.bits // 8, max(0, size - channel.byte))
         return table.reshape(-1), np.arange(count) * size + channel.byte, np.full(count, held)
-    apart: Octets | None = records.values.get(channel.values_at)
-    if apart is None:
-        apart = mdf.values(channel.values_at) if channel.values_at else b""
-    offsets = _integers(table, channel)
-    if mdf.open_parts & OPEN_OFFSETS:
-        offsets = _in_turn(apart, count)
-    starts, lengths = gathered(apart, offsets)
-    return np.frombuffer(apart, np.uint8), starts, lengths
-
-
-def _in_turn(values: Octets, count: int) -> Ints:
-    """Where `count` values of variable length begin that follow each other."""
-    offsets, at = np.full(count, len(values), np.int64), 0
-    for i in range(count):
-        if at + LENGTH.size > len(values):
-            break
-        offsets[i] = at
-        at += LENGTH.size + LENGTH.unpack_from(values, at)[0]
-    return offsets
+    offsets = group.offsets.integers(start, stop) if group.offsets else _integers(table, channel, start)
+    return gathered(group.apart, offsets, LONGEST_FD)
 
 
 def _sent(table: NDArray[np.uint8], channel: MdfChannel | None) -> NDArray[np.bool_]:
@@ -258,8 +295,8 @@ def _sent(table: NDArray[np.uint8], channel: MdfChannel | None) -> NDArray[np.bo
     return np.asarray(_integers(table, channel) == 1)
 
 
-def _integers(table: NDArray[np.uint8], channel: MdfChannel) -> Ints:
-    found = values(table, channel)
+def _integers(table: NDArray[np.uint8], channel: MdfChannel, first: int = 0) -> Ints:
+    found = values(table, channel, first)
     if found.dtype.kind == "f":
         found = np.where(np.abs(found) < 1 << 62, np.nan_to_num(found), -1.0)
     return found.astype(np.int64)
