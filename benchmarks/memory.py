@@ -1,13 +1,14 @@
 """How much memory `ingest` and `show` of a long log take, next to the bound that the program keeps.
 
-    python benchmarks/memory.py [--quick] [--json FILE] [--mb N] [--formats blf,asc,csv,log,db,lvm,mf4,tdms,xlsx]
+    python benchmarks/memory.py [--quick] [--json FILE] [--mb N] [--formats FORMAT,FORMAT]
 
-One message at 4,000 frames a second, as a log of each format (`log` is candump's, `db` python-can's; `csv`, `lvm`,
-`mf4`, `tdms` and `xlsx` are tables with a row a frame, a full sheet of `xlsx` with as many columns as it takes), of as
-many megabytes as `--mb` says (2000 for 2 GB), with a bench file for its four signals. Each verb is a command of its
-own. Of it is printed what all its processes held at once at most (`all`: what they share is counted in each), and the
-largest of them (`largest`), as the system counts it: Linux only. What is held is looked at 50 times a second. The exit
-code is 1 where one is above the bound.
+One message at 4,000 frames a second, as a log of each format: `blf`, `asc`, `log` (candump's), `db` (python-can's) and
+`frames.mf4`, or as a table with a row a frame: `csv`, `lvm`, `mf4`, `groups.mf4` (each signal a group with its times),
+`unsorted.mf4` (their records one among the other), `mdf` (version 3), `tdms` and `xlsx` (a full sheet with as many
+columns as it takes). It has as many megabytes as `--mb` says (2000 for 2 GB), and a bench file for its four signals.
+Each verb is a command of its own. Of it is printed what all its processes held at once at most (`all`: what they share
+is counted in each), and the largest of them (`largest`), as the system counts it: Linux only. What is held is looked at
+50 times a second. The exit code is 1 where one is above the bound.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing
 from functools import partial
 from io import BytesIO
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +38,7 @@ sys.path[:] = [place for place in sys.path if Path(place) != HERE]  # the files 
 sys.path[:0] = [str(HERE.parent / "tests"), str(HERE.parent)]
 
 from benchmarks import asked
-from made import mdf
+from made import mdf, mdf3, mf4
 from made.blf import write_blf
 
 BOUND_MIB = 1024
@@ -46,7 +48,7 @@ PROBE = 20_000  # frames that tell how many a megabyte holds
 EVERY_S = 0.02
 CODE = "import sys; from replay.cli import main; sys.exit(main())"
 STEP_US = 250
-TABLES = ("csv", "lvm", "mf4", "tdms", "xlsx")
+TABLES = ("csv", "lvm", "mf4", "groups.mf4", "unsorted.mf4", "mdf", "tdms", "xlsx")
 LINES = {  # of a frame: when, and its eight bytes in hexadecimal
     "asc": b"%d.%06d 1 100 Rx d 8 %s\n",
     "log": b"(%d.%06d) can0 100#%s\n",
@@ -93,7 +95,17 @@ def _one(form: str, size: int) -> dict[str, Any]:
 
 def write_setup(folder: Path, form: str, size: int) -> int:
     """The log of about `size` bytes, bench file and database; how many frames it has."""
-    writers = {"blf": write_blf, "db": _write_db, "mf4": _write_mf4, "tdms": _write_tdms, "xlsx": _write_xlsx}
+    writers = {
+        "blf": write_blf,
+        "db": _write_db,
+        "mf4": _write_mf4,
+        "frames.mf4": _write_frames_mf4,
+        "groups.mf4": _write_groups_mf4,
+        "unsorted.mf4": _write_unsorted_mf4,
+        "mdf": _write_mdf,
+        "tdms": _write_tdms,
+        "xlsx": _write_xlsx,
+    }
     path, write = folder / f"log.{form}", writers.get(form, partial(_write_lines, form))
     write(path, PROBE)
     frames = PROBE * size // path.stat().st_size
@@ -153,6 +165,53 @@ def _write_mf4(path: Path, count: int) -> None:
     channels = [mdf.SECONDS, *(mdf.Channel(f"w{k}", mdf.FLOAT, 8 + 8 * k, 64, unit="degC") for k in range(4))]
     records = b"".join(rows.astype("<f8").tobytes() for rows in _rows(count))
     file.save(path, file.stored("table", channels, records, 40))
+
+
+def _write_mdf(path: Path, count: int) -> None:
+    file = mdf3.Mdf3File()
+    channels = [mdf3.SECONDS, *(mdf3.Channel3(f"w{k}", mdf3.DOUBLE, 64 + 64 * k, 64) for k in range(4))]
+    records = b"".join(rows.astype("<f8").tobytes() for rows in _rows(count))
+    file.save(path, file.data_group(file.group("table", channels, count, 40), records))
+
+
+def _write_frames_mf4(path: Path, count: int) -> None:
+    """As loggers of a bus write it: an identifier, a length and eight bytes."""
+    file = mdf.Mdf4()
+    places = {"ID": (mdf.UNSIGNED, 8, 32), "DataLength": (mdf.UNSIGNED, 12, 8), "DataBytes": (mf4.BYTES, 13, 64)}
+    parts = [mdf.Channel(f"CAN_DataFrame.{name}", *place) for name, place in places.items()]
+    frames = np.zeros(count, np.dtype([("t", "<f8"), ("id", "<u4"), ("length", "u1"), ("words", "<u2", 4)]))
+    frames["t"], frames["id"], frames["length"] = np.arange(count) * (STEP_US / 1e6), 0x100, 8
+    frames["words"] = np.resize(_words(), (count, 4))
+    file.save(path, file.stored("frames", [mdf.SECONDS, *parts], frames.tobytes(), frames.itemsize))
+
+
+def _of_groups(count: int) -> Iterator[NDArray[np.void]]:
+    """So many rows as records of four groups, a record of each after another, with its number before its time."""
+    for rows in _rows(count):
+        records = np.zeros((len(rows), 4), np.dtype([("number", "u1"), ("t", "<f8"), ("value", "<f8")]))
+        records["number"], records["t"], records["value"] = range(4), rows[:, :1], rows[:, 1:]
+        yield records
+
+
+def _signal(k: int) -> list[mdf.Channel]:
+    return [mdf.SECONDS, mdf.Channel(f"w{k}", mdf.FLOAT, 8, 64, unit="degC")]
+
+
+def _write_groups_mf4(path: Path, count: int) -> None:
+    file, after = mdf.Mdf4(), 0
+    for k in range(4):
+        records = b"".join(some[["t", "value"]][:, k].astype("<f8,<f8").tobytes() for some in _of_groups(count))
+        after = file.stored(f"g{k}", _signal(k), records, 16, after=after)
+    file.save(path, after)
+
+
+def _write_unsorted_mf4(path: Path, count: int) -> None:
+    file = mdf.Mdf4()
+    groups = [file.measured(f"g{k}", _signal(k), count, 16, number=k) for k in range(4)]
+    for one, other in pairwise(groups):
+        file.follows(one, other)
+    records = b"".join(some.tobytes() for some in _of_groups(count))
+    file.save(path, file.data_group(groups[0], file.block(b"DT", (), records), id_size=1))
 
 
 def _write_tdms(path: Path, count: int) -> None:

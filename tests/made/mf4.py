@@ -9,6 +9,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import pytest
+
+from ingest.formats._mdf_records import FileBytes
 
 FINAL, OPEN = b"MDF     ", b"UnFinMF "
 HEADER_END = 64 + 104
@@ -110,3 +113,19 @@ class Mf4:
         self.data[:HEADER_END] = (head + header).ljust(HEADER_END, b"\0")
         path.write_bytes(self.data)
         return path
+
+
+def in_small_parts(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Let readers take few records at once; how many bytes each reading takes, as they read."""
+    sizes = {"_mdf_records.WINDOW": 40, "_merged.MOST": 1, "_merged.LEAST": 1, "_joined_tables.ROWS": 2, "mf4.BATCH": 2}
+    for name, size in sizes.items():
+        monkeypatch.setattr(f"ingest.formats.{name}", size)
+    read, taken = FileBytes.read, list[int]()
+
+    def counted(part: FileBytes, start: int = 0, stop: int | None = None) -> bytes:
+        found = read(part, start, stop)
+        taken.append(len(found))
+        return found
+
+    monkeypatch.setattr(FileBytes, "read", counted)
+    return taken

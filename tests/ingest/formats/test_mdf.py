@@ -37,7 +37,7 @@ from made.mdf import (
     Channel,
     Mdf4,
 )
-from made.mf4 import IN_RECORD, PARTS, record
+from made.mf4 import IN_RECORD, PARTS, in_small_parts, record
 from made.places import LOGS
 from made.tables import START_NS, columns_of, same
 from replay.show.verbs.inspection import inspection_text
@@ -248,13 +248,18 @@ def transposed(file: Mdf4) -> int:
 
 
 @pytest.mark.parametrize("stored", [unsorted, transposed], ids=lambda one: one.__name__)
-def test_records_are_read_however_they_are_stored(stored: Callable[[Mdf4], int], tmp_path: Path) -> None:
+def test_records_are_read_however_they_are_stored_a_part_at_a_time(
+    stored: Callable[[Mdf4], int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     file = Mdf4()
-    log, columns = table(file.save(tmp_path / "log", stored(file), start_ns=START_NS))
-    nan = float("nan")
-    assert columns["t"] == [0, 0.5, 1]
-    assert same(columns["x"], [1, nan, 3]) and same(columns["y"], [nan, 2, nan])
-    assert log.cut is None
+    path = file.save(tmp_path / "log", stored(file), start_ns=START_NS)
+    for parts in (None, in_small_parts):
+        taken = parts(monkeypatch) if parts else []
+        log, columns = table(path)
+        nan = float("nan")
+        assert columns["t"] == [0, 0.5, 1]
+        assert same(columns["x"], [1, nan, 3]) and same(columns["y"], [nan, 2, nan])
+        assert log.cut is None and max(taken, default=0) <= 40
 
 
 def test_texts_and_arrays_are_left_out_named_and_counted_and_parts_are_channels(tmp_path: Path) -> None:
@@ -290,8 +295,9 @@ def test_a_time_since_1970_is_one_whatever_the_start_says(tmp_path: Path) -> Non
     assert log.absolute and log.settings["time"] == "s since 1970"
 
 
-def test_a_group_keeps_the_order_of_its_records(tmp_path: Path) -> None:
+def test_a_group_keeps_the_order_of_its_records(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A clock that steps back is not sorted away, and of two records with one stamp none is lost."""
+    in_small_parts(monkeypatch)
     file = Mdf4()
     other = file.stored("other", (SECONDS, Channel("y", SIGNED, 8, 16)), records((2, 7), (4, 8)), 10)
     group = file.stored("g", (SECONDS, RAW), records((1, 1), (2, 2), (2, 3), (1.5, 4), (3, 5)), 10, after=other)

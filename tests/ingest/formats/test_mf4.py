@@ -12,7 +12,7 @@ import pytest
 from ingest.errors import UnreadableLogError
 from ingest.formats import EXTENDED, FD, TRANSMIT, TimeSpec, recognise
 from made.frames import Frame, as_frames, messages, read
-from made.mf4 import ELSEWHERE, FIXED, IN_RECORD, PARTS, SIZE, TIME, VIRTUAL, Mf4, record
+from made.mf4 import ELSEWHERE, FIXED, IN_RECORD, PARTS, SIZE, TIME, VIRTUAL, Mf4, in_small_parts, record
 from made.places import LOGS
 
 START_NS = 1_700_000_000_000_000_000
@@ -168,15 +168,31 @@ def test_the_number_of_records_is_compared_with_what_the_file_says(
     assert log.cut is None if says is None else log.cut is not None and log.cut.startswith(says)
 
 
-def test_groups_come_one_among_the_other_by_time_each_in_its_own_order(tmp_path: Path) -> None:
-    """A clock that steps back within a group is not sorted away."""
+def several_groups(path: Path) -> Path:
     file, after = Mf4(), 0
     for stamps in ((20, 40, 30, 60), (10, 50)):
         records = b"".join(record(us, us) for us in stamps)
         group = file.group((*PARTS, IN_RECORD), len(stamps))
         after = file.data_group(group, file.block(b"DT", (), records), after=after)
-    _, frames = read(file.save(tmp_path / "log.mf4", after, start_ns=START_NS))
+    return file.save(path, after, start_ns=START_NS)
+
+
+def test_groups_come_one_among_the_other_by_time_each_in_its_own_order(tmp_path: Path) -> None:
+    """A clock that steps back within a group is not sorted away."""
+    _, frames = read(several_groups(tmp_path / "log.mf4"))
     assert [frame[2] for frame in frames] == [10, 20, 40, 30, 50, 60]
+
+
+def test_records_are_read_a_part_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Some values of variable length are longer than a part."""
+    paths = [several_groups(tmp_path / "groups.mf4"), unsorted(tmp_path / "cut.mf4", cut=3)]
+    paths += [unsorted(tmp_path / f"{parts}.mf4", open_parts=parts) for parts in (0, OPEN_PARTS | 1 << 6)]
+    whole = [read(path) for path in paths]
+    taken = in_small_parts(monkeypatch)
+    for path, (log, frames) in zip(paths, whole, strict=True):
+        again, same = read(path)
+        assert (same, again.settings, again.cut) == (frames, log.settings, log.cut)
+    assert 40 <= max(taken) <= 80
 
 
 @pytest.mark.parametrize(
