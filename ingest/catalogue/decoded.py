@@ -156,13 +156,12 @@ def _of_bench(bench: Bench, decode: DecodeCompleted) -> list[ChannelSource]:
 
 def _guess(entry: Entry) -> ResolvedChannel:
     """A signal that no bench file speaks of: of the guessed quantity where its unit fits that, else of none. The unit
-    is the file's, or what the name ends in, or, where nothing says it, the one that logs without units are in."""
+    is the file's, or what the name ends in; where nothing says it ("") values are taken as in the stored one."""
     name = entry["name"]
-    said = entry["unit"] or unit_in_name(name) or ""
-    quantity = entry["quantity"] or guess(name, said) or ""
-    unit = said or STORED_UNIT.get(quantity, "")
+    unit = entry["unit"] or unit_in_name(name) or ""
+    quantity = entry["quantity"] or guess(name, unit) or ""
     try:
-        conversion = converter(unit, quantity)
+        conversion = converter(unit or STORED_UNIT.get(quantity, ""), quantity)
     except UnitError:
         quantity, conversion = "", Conversion()
     return ResolvedChannel(name, quantity, unit, conversion=conversion, signals=(), role=entry["role"])

@@ -30,18 +30,23 @@ _BY_NAME: Mapping[str, str] = {
     "flow": "flow|durchfluss|volumenstrom|portata|caudal|debit|débit|_vdot_",
     "power": "power|leistung|potenza|potencia|puissance|_pwr_|_p_?el",
     "flux": "flux|verkettung|_psi_",
-    "voltage_dc": "_[uv]_?dc_|(batt|hv|link|dc).*volt",
-    "current_dc": "_i_?dc_|(batt|hv|link|dc).*curr",
+    "voltage_dc": "_[uv]_?dc_|(batt|hv|link|dc).*volt|volt.*_dc_",
+    "current_dc": "_i_?dc_|(batt|hv|link|dc).*curr|curr.*_dc_",
     "voltage_d": "_[uv]_?d_",
     "voltage_q": "_[uv]_?q_",
     "current_d": "^_id_|_id_(?!$)|_i_d_",  # a last word `id` is a number in a list
     "current_q": "_i_?q_",
+    "inception_voltage": "pdiv|inception|einsetzspannung",
     "voltage": "volt|spannung|tensi[oó]n",
     "current": "current|_curr_|strom|corrente|courant|corriente|_i_?rms_|_iph_",
     "resistance": "resistance|widerstand|resisten[zc]",
+    "polarisation_index": "polari[sz]ation|^_pi_$",
+    "tan_delta": "_tan_(delta|δ)_|verlustfaktor|dissipation_factor",
+    "dose": "_dos(e|is)_",
     "counter": "counter|_cnt_|alive|_crc_",
     "state": "state|status|_mode_|fault|error|zustand|_stato_",
 }
+_BY_NAME_ALONE = ("tan_delta", "dose")  # in per cent, and in hours, which speak for nothing
 _PLACES = (  # of thermocouples whose column says no more than where they sit; "06:58:23 PM" is a time
     "wind|wdg|slot|yoke|tooth|teeth|stator|rotor|magnet|(?<!_[0-9]{2})_pm_|bearing|housing|ambient|coolant|inlet|outlet|oven|endcap|water"
     "|terminal|wickl|lager|geh(ae|ä)use|k(ue|ü)hl|ofen|umgebung|wasser|avvolg|magnete|cuscinett|acqua|ambiente|forno"
@@ -51,6 +56,7 @@ _PLACES = (  # of thermocouples whose column says no more than where they sit; "
 PER_UNIT = r"^[^/]+/\s?[^/\s]+$"  # `T_EW/°C` and `n / min^-1`, as DIN 1313 writes quantities in tables
 _LOOSELY_SPELT = ("nm", "degc", "degf")  # units at the end of names, in lower case
 _NO_TEMPERATURE = "pos_|position|angle|winkel|press|druck|level|humid"
+_NUMBER = r"\bn\s?[°º]|serial|série|serien-?(nr|nummer)"  # of a part: what its digits look like means nothing
 _COMMAND = "_(ref|cmd|command|set|setpoint|req|request|demand|target|desired)_|soll"
 
 
@@ -59,14 +65,18 @@ def guess(signal: str, unit: str | None = None) -> str | None:
 
     `unit` as the file writes it. None where nothing speaks for one, and for commands that no quantity stands for.
     """
+    if re.search(_NUMBER, signal.lower()):
+        return None
     name = words(signal)
     by_name = next((quantity for quantity, holds in _BY_NAME.items() if re.search(holds, name)), None)
     known = normal_unit(without_mark(tidy(unit))[0]) if unit else None
     if known in (None, "1"):
         return _commanded(by_name or _place(name), name)
     quantity = "temperature" if known == "F" and by_name == "temperature" else _BY_UNIT.get(known or "")
-    if quantity and by_name and by_name.startswith(f"{quantity}_"):  # current -> current_d
+    if quantity and by_name and quantity in by_name.split("_"):  # current -> current_d, voltage -> inception_voltage
         return _commanded(by_name, name)
+    if by_name in _BY_NAME_ALONE:
+        return by_name
     return _commanded(_refined(quantity, name, known or ""), name)
 
 

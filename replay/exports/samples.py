@@ -99,8 +99,9 @@ def _parts(
 
 def _column(spec: ResolvedChannel) -> OutColumn:
     weights = " + ".join(f"{share:g} {node}" for node, share in spec.weights.items())
-    unit = STORED_UNIT.get(spec.quantity, spec.unit) or None
-    return OutColumn(spec.name, unit, spec.quantity, spec.node or weights or None)
+    said = spec.unit or spec.signals  # else the log has no unit, and no bench file says one
+    unit = STORED_UNIT.get(spec.quantity, spec.unit) if said else None
+    return OutColumn(spec.name, unit or None, spec.quantity, spec.node or weights or None)
 
 
 def _spans(session: SessionRecorded, values: int, a_part: int, within: Span = EVER) -> Iterator[Span]:

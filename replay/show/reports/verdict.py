@@ -49,11 +49,15 @@ class NodeError:
 
 def ending(diagnosis: Diagnosis) -> Ending:
     """Which of the four endings this is; a named cause goes before a heat that is left unknown, and that before faults
-    of the record, which were left out and explain nothing of what the model gets wrong."""
-    if diagnosis.fitted_with or (diagnosis.causes and not diagnosis.unknown):
+    of the record, which were left out and explain nothing of what the model gets wrong. Where that is nothing, a heat
+    needs the evidence of a cause."""
+    if diagnosis.fitted_with:
         return Ending.NAMED
-    if diagnosis.unknown:
+    agrees = bool(diagnosis.shown) and all(error.within_floor for error in node_errors(diagnosis.shown))
+    if any(not agrees or heat.log_bayes_factor > diagnosis.threshold for heat in diagnosis.unknown):
         return Ending.UNKNOWN
+    if diagnosis.causes:
+        return Ending.NAMED
     tried = diagnosis.shown and diagnosis.candidates
     return Ending.AGREES if tried and not left_over(diagnosis) else Ending.CANNOT_TELL
 

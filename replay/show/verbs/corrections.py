@@ -20,7 +20,7 @@ BACKUPS = "whyhot backup DIR, of each backup that there is: it holds these bytes
 
 
 def put_right_json(done: PutRight, reason: str, stale: StaleAnswers) -> dict[str, Any]:
-    """Ids are whole; `stale` holds all that is stale now."""
+    """Ids are whole; `stale` holds all that is stale now, asked again or not."""
     return {
         "facts": [{"fact": one.stream, "kind": one.kind, "name": one.name} for one in done.named],
         "reason": reason,
@@ -28,7 +28,7 @@ def put_right_json(done: PutRight, reason: str, stale: StaleAnswers) -> dict[str
         "sessions_gone": [one.session for one in _gone(done)],
         "sessions_came": [one.session for one in done.after.sessions if one not in done.before.sessions],
         "runs_gone": sorted(done.before.runs.keys() - done.after.runs.keys()),
-        "stale": stale_json(stale),
+        "stale": stale_json(_all(stale)),
         "stale_in_use": list(stale.in_use),
     }
 
@@ -36,7 +36,7 @@ def put_right_json(done: PutRight, reason: str, stale: StaleAnswers) -> dict[str
 def put_right_text(label: str, done: PutRight, reason: str, stale: StaleAnswers) -> str:
     """`label`: "Taken back", "Brought back" or "Corrected"."""
     next_step = _next(stale) or ["", *labelled("Next", "whyhot sessions")]
-    return "\n".join([*_put_right(label, done, reason), *_stale_lines(stale), *next_step])
+    return "\n".join([*_put_right(label, done, reason), *_stale_lines(_all(stale)), *next_step])
 
 
 def forgotten_json(found: ForgottenLogs, reason: str, stale: StaleAnswers) -> dict[str, Any]:
@@ -48,7 +48,7 @@ def forgotten_json(found: ForgottenLogs, reason: str, stale: StaleAnswers) -> di
 def forgotten_text(found: ForgottenLogs, reason: str, stale: StaleAnswers) -> str:
     lines = [line for says in found.before for line in labelled("Already", says)]
     lines += _put_right("Forgotten", found.done, reason) if found.done.named else []
-    lines += [*removed(found.swept), *_stale_lines(stale)]
+    lines += [*removed(found.swept), *_stale_lines(_all(stale))]
     steps = labelled("Then", BACKUPS) if stale.answers else ["", *labelled("Next", BACKUPS)]
     return "\n".join([*lines, *_next(stale), *steps])
 
@@ -72,6 +72,11 @@ def _put_right(label: str, done: PutRight, reason: str) -> list[str]:
         if was != now:
             lines += labelled("Current", f"{_value(done.after, now)} in place of {_value(done.after, was)}")
     return lines
+
+
+def _all(stale: StaleAnswers) -> StaleAnswers:
+    """With what was asked again before: it was built on what is put right too."""
+    return stale._replace(answers=[*stale.answers, *stale.answered])
 
 
 def stale_json(stale: StaleAnswers) -> list[dict[str, Any]]:

@@ -54,10 +54,11 @@ class Stale:
 
 class StaleAnswers(NamedTuple):
     """`answers`: in the order in which they were computed; `in_use`: a line for each accepted diagnosis whose files are
-    current though it is stale, asked again or not."""
+    current though it is stale, asked again or not; `answered`: what is stale, and would be again what is recorded."""
 
     answers: Sequence[Stale]
     in_use: Sequence[str]
+    answered: Sequence[Stale] = ()
 
 
 class _Asked(NamedTuple):
@@ -83,7 +84,7 @@ def stale(recorded: Iterable[Recorded], facts: Facts) -> StaleAnswers:
     current = {*facts.successors.values()}
     accepted = [one for one in standing if isinstance(one, CauseAccepted) and {one.model, one.bench} & current]
     in_use = [look.in_use(one) for one in accepted if one.diagnosis in look.whys]
-    return StaleAnswers([*found.values()], list(dict.fromkeys(in_use)))
+    return StaleAnswers([*found.values()], list(dict.fromkeys(in_use)), [*look.answered.values()])
 
 
 class _Look:
@@ -97,6 +98,7 @@ class _Look:
         self.extended = [one.event for one in events if isinstance(one.event, ModelExtended)]
         self.whys: dict[str, str] = {}  # stale diagnosis -> why
         self.of_now: set[Any] = set()  # questions, each with the model of an answer that is not stale
+        self.answered: dict[Any, Stale] = {}
         back = (model for one in facts.retractions.values() for model in one.event.models)
         self.back = {model: f"model {model[:SHORT]} was taken back" for model in back}
         self.models = dict(self.back)
@@ -118,10 +120,11 @@ class _Look:
         if isinstance(event, DiagnosisCompleted):
             self.whys[event.diagnosis] = why
         begins = self._begins(asked)
+        one = Stale(event, asked.name, why, now, kept, begins)
         if (question, begins or self._named(now)) in self.of_now:
-            return
-        if now or not isinstance(event, ReplayCompleted):  # a replay of what is gone is gone
-            found[question] = Stale(event, asked.name, why, now, kept, begins)
+            self.answered[question] = one
+        elif now or not isinstance(event, ReplayCompleted):  # a replay of what is gone is gone
+            found[question] = one
 
     def in_use(self, accepted: CauseAccepted) -> str:
         files = [

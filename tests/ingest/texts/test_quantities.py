@@ -201,6 +201,15 @@ def test_a_unit_row_contradicts_only_what_it_says_otherwise(
         ("Torque (lb-ft)", "lb-ft", "torque"),
         ("Velocidad", None, "speed"),
         ("Par", None, "torque"),
+        ("current_dc", "A", "current_dc"),
+        ("n° de série", None, None),
+        ("Seriennummer", None, None),
+        ("series_resistance", "mOhm", "resistance"),
+        ("TE-Einsetzspannung", "kV", "inception_voltage"),
+        ("PI", None, "polarisation_index"),
+        ("PI_out", None, None),
+        ("tan δ", "%", "tan_delta"),
+        ("Dosis", "h", "dose"),
     ],
 )
 def test_a_quantity_is_guessed_from_unit_and_name(signal: str, unit: str | None, quantity: str | None) -> None:

@@ -116,11 +116,11 @@ def test_what_was_accepted_stays_named_until_another_is() -> None:
     found = look(*again)
     assert (found.answers, len(found.in_use)) == ([], 1)
     better = replace(accepted, diagnosis="8", model="m8")
-    assert look(*again, ("diagnosis-8", better)) == ([], [])
+    assert look(*again, ("diagnosis-8", better)) == StaleAnswers([], [], [])
 
 
 def test_a_kept_session_that_was_taken_back_makes_a_diagnosis_stale() -> None:
-    ((found,), _) = look(*diagnosis("7", "1_s1", kept=("3_wltp",)), gone("3_wltp"))
+    (found,) = look(*diagnosis("7", "1_s1", kept=("3_wltp",)), gone("3_wltp")).answers
     assert (found.why, found.sessions, found.kept) == ("3_wltp was taken back", ("id_1_s1",), ())
 
 
@@ -130,6 +130,7 @@ def test_what_began_from_a_diagnosis_that_was_taken_back_is_stale_and_that_itsel
     assert told(found) == [("replay of 1_s1", "model m7 was taken back")]
     before = [run("1_s1"), *diagnosis("7", "1_s1"), run("1_s1", "m7", bench="b7"), ("diagnosis-7", back)]
     assert told(look(*before)) == [], "asked again it is the replay that is there already"
+    assert [one.name for one in look(*before).answered] == ["replay of 1_s1"]
     assert told(look(*before[1:])) == [("replay of 1_s1", "model m7 was taken back")], "which says more than its bench"
 
 
@@ -172,7 +173,7 @@ def test_a_calibration_is_stale_by_its_sessions() -> None:
         motor="servo",
         **{"level": "testing", "key": key("1_s1", "2_s2"), "log_posterior": 0.0, **empty},
     )
-    ((found,), _) = look(("calibration-c", made), gone("2_s2"))
+    (found,) = look(("calibration-c", made), gone("2_s2")).answers
     assert (found.name, found.sessions, found.model) == ("calibration c", ("id_1_s1",), "m5")
 
 
