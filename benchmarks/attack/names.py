@@ -57,6 +57,7 @@ STRINGS = (
 )
 SHOWN = ("path", "SQL", "HTML", "CSV", "JSON", "TOML", "terminal")
 NO_FILE = "/\0\n\r"  # no file is called so
+ACTING = ("href", "xlink:href", "src", "srcdoc", "action", "formaction", "style", "data")  # a browser runs or fetches
 LONGEST = 200  # bytes of a file's name
 ROWS = 20  # of a log
 
@@ -71,7 +72,7 @@ class Page(HTMLParser):
         self.feed(text)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        acting = [one for one in attrs if not one[0].startswith("data-")]  # those hold text for the page's own script
+        acting = [one for one in attrs if one[0].startswith("on") or one[0] in ACTING]
         self.runs += [f"{name}={value}" for name, value in acting if "alert(1)" in str(value) or value == "x"]
 
     def handle_data(self, data: str) -> None:

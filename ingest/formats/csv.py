@@ -106,7 +106,8 @@ class CsvLog(Log):
         except UnicodeDecodeError:
             self.settings["encoding"] = "cp1252"
             text = decoded(block)
-        return text.replace("\r\n", "\n").replace("\ufeff", "")  # files joined to one have marks inside
+        lines = text.replace("\r\n", "\n")
+        return lines.replace("\n\ufeff", "\n").removeprefix("\ufeff")  # files joined to one have marks inside
 
     def _headed(self, line: str) -> str:
         """The first line of the file without the zeros above it, which a disk gives back for what is lost."""
