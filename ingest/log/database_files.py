@@ -64,16 +64,16 @@ def read_database(data: bytes, name: str, notes: list[str]) -> DatabaseFile:
     """
     text = _text(data)
     kind = _kind(text, name)
-    _loader(kind)
-    from cantools.database.errors import Error
+    loader = _loader(kind)
+    from cantools.database.errors import Error  # found by its whole name now, without the top of cantools
 
     is_j1939 = kind == DBC and re.search(J1939, text) is not None
     try:
-        return DatabaseFile(kind, _cantools(kind, text, name, strict=True), is_j1939)
+        return DatabaseFile(kind, _cantools(loader, kind, text, name, strict=True), is_j1939)
     except Error as error:
         why = str(error)
     try:
-        messages = _cantools(kind, text, name, strict=False)
+        messages = _cantools(loader, kind, text, name, strict=False)
     except Error as error:
         raise _refused(kind, text, name, error) from error
     notes.append(f"{name}{_line_of(kind, text, why)}: {why.rstrip('.')}: read all the same")
@@ -115,11 +115,10 @@ def _loader(kind: str) -> ModuleType:
     return import_module(name)
 
 
-def _cantools(kind: str, text: str, name: str, strict: bool) -> list[Any]:
+def _cantools(loader: ModuleType, kind: str, text: str, name: str, strict: bool) -> list[Any]:
     import textparser
     from cantools.database.errors import Error
 
-    loader = _loader(kind)
     try:
         return list(loader.load_string(text, strict=strict).messages)
     except Error as error:

@@ -13,8 +13,8 @@ from ingest.bench.bench_file import Bench
 from ingest.errors import BenchFileError
 from ingest.facts import sessions
 from ingest.formats import Frames, Rows
+from ingest.log import stamps
 from ingest.log.clock import JUMP_NS, StampFaults
-from ingest.log.stamps import CLOSE_NS
 from ingest.texts.nearest import hint
 
 Text = str | None
@@ -57,7 +57,7 @@ class Specimens:
         record, t_ns, which = (np.concatenate(some) for some in zip(*self._found, strict=True))
         order = np.lexsort((record, which))
         step = np.diff(t_ns[order])[np.diff(which[order]) == 0]
-        runs = 2 * (np.abs(step) <= CLOSE_NS).sum() > len(step)
+        runs = stamps.runs(stamps.near(step), len(step))
         back = -step[(step < 0) & (not self._of_checks)]
         jump = step[(step > JUMP_NS) & runs & (not self._of_checks)]
         again = len(t_ns) - np.unique(np.stack([which, t_ns]), axis=1).shape[1]

@@ -95,6 +95,16 @@ def _of_frames(frames: Frames) -> Prints:
     return np.asarray(total[starts + sizes] - total[starts] + sizes.astype(np.uint64), np.uint64)
 
 
+def near(step: Ints | NDArray[np.float64]) -> int:
+    """How many steps from record to record (N,) [ns] are as short as those of a log that runs."""
+    return int((np.abs(step) <= CLOSE_NS).sum())
+
+
+def runs(close: int, steps: int) -> bool:
+    """Whether a log runs, and is no table with a row a check: most of its steps are `near`."""
+    return 2 * close > steps
+
+
 class _Look:
     """One stream looked through, in as many passes as that takes."""
 
@@ -148,11 +158,11 @@ class _Look:
             step = np.abs(np.diff(t_ns.astype(np.float64)))
             at = np.flatnonzero(step > FAR_NS)
             far += [np.stack([at + 1 + count - len(last), t_ns[at], t_ns[at + 1]])] if len(at) else []
-            close, wide = close + int((step <= CLOSE_NS).sum()), wide + len(at)
+            close, wide = close + near(step), wide + len(at)
             last, count = t_ns[-1:], count + len(rows)
             if wide > MOST_FAR:
                 break
-        lone = far and count >= 3 and 2 * close > count - 1 and wide <= MOST_FAR
+        lone = far and count >= 3 and runs(close, count - 1) and wide <= MOST_FAR
         return _lone(np.concatenate(far, axis=1), count) if lone else np.empty((0, 2), np.int64)
 
 
@@ -187,7 +197,7 @@ class _Steps:
         self._back.add(_table(BACK, back + first, -step[back]))
         jump = step[step > JUMP_NS]
         self._jumps, self._jump_ns = self._jumps + len(jump), max(self._jump_ns, int(jump.max(initial=0)))
-        self._close += int((np.abs(step) <= CLOSE_NS).sum())
+        self._close += near(step)
         self.least, self.greatest = min(self.least, int(t_ns.min())), max(self.greatest, int(t_ns.max()))
         self._last, self._seen, self._count = t_ns[-1:], self._seen + len(t_ns), self._count + len(step)
         return np.concatenate([np.zeros(len(t_ns) - len(step), np.bool_), step == 0])
@@ -201,7 +211,7 @@ class _Steps:
             steps, most = steps + len(by_ns), max(most, int(by_ns.max(initial=0)))
         found.back_steps = max(found.back_steps, steps)
         found.back_ns = max(found.back_ns, most)
-        if 2 * self._close > self._count:
+        if runs(self._close, self._count):
             found.jump_steps = max(found.jump_steps, self._jumps)
             found.jump_ns = max(found.jump_ns, self._jump_ns)
 

@@ -62,7 +62,7 @@ def _but(diagnosis: Diagnosis) -> str:
 
 
 def _agrees(diagnosis: Diagnosis) -> str:
-    if all(error.within_floor for error in verdict.node_errors(diagnosis.shown)):
+    if verdict.within_floor(diagnosis):
         return "the twin agrees with these sessions within its floor"
     suffice = diagnosis.gain and kept_errors.coefficients_suffice(diagnosis.gain)
     return f"no cause beyond the file's own coefficients {'is needed' if suffice else 'has evidence'}"

@@ -53,13 +53,17 @@ def ending(diagnosis: Diagnosis) -> Ending:
     needs the evidence of a cause."""
     if diagnosis.fitted_with:
         return Ending.NAMED
-    agrees = bool(diagnosis.shown) and all(error.within_floor for error in node_errors(diagnosis.shown))
-    if any(not agrees or heat.log_bayes_factor > diagnosis.threshold for heat in diagnosis.unknown):
+    if any(not within_floor(diagnosis) or heat.log_bayes_factor > diagnosis.threshold for heat in diagnosis.unknown):
         return Ending.UNKNOWN
     if diagnosis.causes:
         return Ending.NAMED
     tried = diagnosis.shown and diagnosis.candidates
     return Ending.AGREES if tried and not left_over(diagnosis) else Ending.CANNOT_TELL
+
+
+def within_floor(diagnosis: Diagnosis) -> bool:
+    """Whether there are errors as published, and none is above its sensors' own uncertainty."""
+    return bool(diagnosis.shown) and all(error.within_floor for error in node_errors(diagnosis.shown))
 
 
 def node_errors(shown: Sequence[Shown]) -> list[NodeError]:
