@@ -15,7 +15,7 @@ test: lint
 	@$(MAKE) --no-print-directory -j 2 types tests
 
 tests: .venv/ready
-	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --max-worker-restart 0
 
 check: lint types
 
