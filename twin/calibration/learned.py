@@ -49,7 +49,7 @@ def network_of(found: Fit, monomials: Sequence[features.Monomial]) -> Network:
                 pass  # said by the terms and nodes that are there
             case actions.Course() | actions.InputGain() | actions.InputBias() | actions.BoundaryBias():
                 pass  # no part of a motor, like what follows
-            case actions.Start() | actions.HeatTent() | Misreading() | Lag() | actions.Beside():
+            case actions.Start() | actions.HeatTent() | actions.HeatKnot() | Misreading() | Lag() | actions.Beside():
                 pass
             case actions.Late() | actions.Slowed():
                 pass

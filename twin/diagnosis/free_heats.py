@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin.diagnosis.evidence import TOLD_APART
+from twin.diagnosis.free_maps import Knots
 from twin.diagnosis.posterior_mode import slowest_mode_s, stacked
 from twin.diagnosis.unknown import (
     SPACING_S,
@@ -16,6 +17,7 @@ from twin.diagnosis.unknown import (
     Response,
     active_ranges,
     associations,
+    correlation_in_time,
     free_heat,
     tent_times,
     tents,
@@ -27,6 +29,7 @@ from twin.fitting.fit import Fit
 from twin.fitting.model import Floats, Model
 from twin.fitting.one_test import alone
 
+REPEATED = ("current_d", "current_q")  # by the current that they are components of
 LEAST_RUNS = 5  # of tents that the bootstrap draws: with fewer its bands are too narrow
 
 
@@ -34,7 +37,8 @@ LEAST_RUNS = 5  # of tents that the bootstrap draws: with fewer its bands are to
 class Unknown:
     """A heat that no candidate explains, while it is active: 10 to 90 % range of `watts` [W] (cooling negative), 5 to
     95 % ranges of `inputs` (dimensionless features) and of the node's own `temperature_degC`. `goes_with`: features, or
-    the node whose temperature it follows, that it clearly goes with, strongest first."""
+    the node whose temperature it follows, that it clearly goes with, strongest first; a map may go with "braking" or
+    "driving"."""
 
     node: str
     log_bayes_factor: float
@@ -44,45 +48,76 @@ class Unknown:
     goes_with: tuple[str, ...]
 
 
-def free_heats(current: Fit) -> tuple[FreeHeat, ...]:
-    """The free heat of every node about a fit, highest ln BF first (`twin.diagnosis.unknown`)."""
+def free_heats(current: Fit, maps: bool = False) -> tuple[FreeHeat, ...]:
+    """The free heat of every node about a fit, highest ln BF first (`twin.diagnosis.unknown`), and with `maps` the free
+    loss map of every node among them."""
     projector, _, e0 = stacked(current, current.linearised())
-    network = current.model.network
-    total_W = mean_loss_W(network, current.model.tests)
-    responses = _responses(current)
-    found = [free_heat(n.name, own, e0, projector, total_W) for n, own in zip(network.nodes, responses, strict=True)]
+    network, tests = current.model.network, current.model.tests
+    total_W = mean_loss_W(network, tests)
+    kinds = [(_in_time(current), False)]
+    if maps and (knots := Knots.over(tests)):
+        kinds.append((_over(knots, current), True))
+    found = [
+        free_heat(node.name, own, e0, projector, total_W, is_map)
+        for responses, is_map in kinds
+        for node, own in zip(network.nodes, responses, strict=True)
+    ]
     return tuple(sorted(found, key=lambda heat: -heat.log_bayes_factor))
 
 
 def as_parameters(current: Fit, heat: FreeHeat) -> list[Parameter]:
-    """A free heat as parameters of a model: its tents in every test, each as wide as the heat is large."""
+    """A free heat as parameters of a model, each as wide as the heat is large: its tents in every test, or its map."""
     node = current.model.network.names.index(heat.node)
     sd = float(np.sqrt(np.mean(heat.watts**2 + heat.sd**2)))
+    if heat.is_map:
+        parts = _knots(current.model).parts(node)
+        return [Parameter(f"heat.{heat.node}.{one.speed}.{one.load}", one, sd) for one in parts]
     return [
-        Parameter(f"heat.{heat.node}.{time_s:g}", actions.HeatTent(node, float(time_s), SPACING_S), sd, number)
+        Parameter(f"heat.{heat.node}.{one.time_s:g}", one, sd, number)
         for number in range(len(current.model.tests))
-        for time_s in _times(current.model, number)
+        for one in _tents(current.model, number, node)
     ]
 
 
-def _responses(current: Fit) -> list[list[Response]]:
-    """Node by node its responses in every test, rows in the order of `Fit.series`."""
-    found: list[list[Response]] = [[] for _ in current.model.network.nodes]
+def _in_time(current: Fit) -> list[list[Response]]:
+    """Node by node its responses in every test to heat in time."""
+    nodes = range(len(current.model.network.nodes))
+    found: list[list[Response]] = [[] for _ in nodes]
     start = 0
-    for number, test in enumerate(current.model.tests):
-        model, at = alone(current.model, number, test)
-        times = _times(current.model, number)
-        heats = [
-            Parameter(f"heat.{node}.{time_s:g}", actions.HeatTent(node, time_s, SPACING_S), 1.0)
-            for node in range(len(found))
-            for time_s in times
-        ]
-        parts = model.linearise(current.beta[at], heats)
-        columns = np.concatenate([model.whitened(part.series, part.extra) for part in parts])
+    for number in range(len(current.model.tests)):
+        alike = correlation_in_time(_times(current.model, number))
+        columns = _columns(current, number, [one for node in nodes for one in _tents(current.model, number, node)])
         rows = slice(start, start + len(columns))
         start = rows.stop
-        for node, own in enumerate(np.split(columns, len(found), axis=1)):
-            found[node].append(Response(rows, times, own))
+        for node, own in enumerate(np.split(columns, len(nodes), axis=1)):
+            found[node].append(Response(rows, alike, own))
+    return found
+
+
+def _over(knots: Knots, current: Fit) -> list[list[Response]]:
+    """Node by node its response in all tests to a map."""
+    nodes = range(len(current.model.network.nodes))
+    parts = [one for node in nodes for one in knots.parts(node)]
+    columns = np.concatenate([_columns(current, number, parts) for number in range(len(current.model.tests))])
+    return [[Response(slice(None), knots.correlation, own)] for own in np.split(columns, len(nodes), axis=1)]
+
+
+def _columns(current: Fit, number: int, parts: Sequence[actions.PartOfHeat]) -> Floats:
+    """How the whitened rows of a test, in the order of `Fit.series`, respond to 1 W of each part (n, q)."""
+    model, at = alone(current.model, number, current.model.tests[number])
+    heats = [Parameter(f"heat.{i}", part, 1.0) for i, part in enumerate(parts)]
+    found = model.linearise(current.beta[at], heats)
+    return np.concatenate([model.whitened(part.series, part.extra) for part in found])
+
+
+def _tents(model: Model, number: int, node: int) -> list[actions.HeatTent]:
+    return [actions.HeatTent(node, float(time_s), SPACING_S) for time_s in _times(model, number)]
+
+
+def _knots(model: Model) -> Knots:
+    """Those of a model that has a map."""
+    found = Knots.over(model.tests)
+    assert found is not None, "a map was found over them"
     return found
 
 
@@ -93,19 +128,36 @@ def _times(model: Model, number: int) -> Floats:
 
 def describe(current: Fit, heat: FreeHeat) -> Unknown:
     """How large a free heat is, when it is there and what it goes with (`twin.diagnosis.unknown`)."""
+    if heat.is_map:
+        return _of_map(current, heat)
     inputs = _over_tents(current.model, [test.inputs for test in current.model.tests])
-    if "current" in inputs:  # its components only repeat it
-        inputs = {name: values for name, values in inputs.items() if name not in ("current_d", "current_q")}
+    inputs = {name: values for name, values in inputs.items() if name not in REPEATED or "current" not in inputs}
     names = [node.name for node in current.model.network.nodes]
     means = [current.model.course(s, current.beta)[1] for s in range(len(current.model.tests))]
     temperatures = _over_tents(current.model, [dict(zip(names, x.T, strict=True)) for x in means])
-    watts, ranges = active_ranges(heat.watts, {**inputs, heat.node: temperatures[heat.node]})
+    watts, own, ranges = active_ranges(heat.watts, temperatures[heat.node], inputs)
     runs = math.ceil(2 * slowest_mode_s(current) / SPACING_S)
     block = max(1, min(runs, len(heat.watts) // LEAST_RUNS))
     follows = _followed(heat, inputs, temperatures, block)
     found = associations(heat.watts, {**inputs, follows: temperatures[follows]}, block)
-    own = ranges.pop(heat.node)
     return Unknown(heat.node, heat.log_bayes_factor, watts, ranges, own, tuple(a.feature for a in found if a.clear))
+
+
+def _of_map(current: Fit, heat: FreeHeat) -> Unknown:
+    """A map as the motor ran through it, step by step, beside what it is most of the time: a heat that is always there
+    is taken for more of the node's own losses."""
+    model, knots = current.model, _knots(current.model)
+    inputs = {
+        name: np.concatenate([test.inputs[name] for test in model.tests])
+        for name in model.tests[0].inputs
+        if name not in REPEATED and all(name in test.inputs for test in model.tests)
+    }
+    node = model.network.names.index(heat.node)
+    own = np.concatenate([model.course(s, current.beta)[1][:, node] for s in range(len(model.tests))])
+    watts = np.concatenate([knots.course(heat.watts, test) for test in model.tests])
+    among, temperature, ranges = active_ranges(watts - np.median(watts), own, inputs)
+    goes_with = knots.followed(heat.watts, model.tests, "torque" if "torque" in inputs else "current")
+    return Unknown(heat.node, heat.log_bayes_factor, among, ranges, temperature, goes_with)
 
 
 def _over_tents(model: Model, series: Sequence[Mapping[str, Floats]]) -> dict[str, Floats]:

@@ -1,14 +1,14 @@
 """Naming: which terms the data ask for, one after the other, beyond all that a healthy motor may do, and which survive.
 
 The motor is calibrated under broad noise, then under fitted noise. Every candidate is scored with all else integrated
-out; where a free heat at one node explains more than any of them, nothing is named. Else the leading ones are refitted
-in full, and the one that leads at the file's own values, from there; the best enters where it beats the threshold, and
-at the end every one that entered is left out once. Where none is left and a free heat beats the threshold, the cause is
-unknown: what candidates seemed to explain no longer stands against it.
+out; where a free heat at one node, in time or over speed and load, explains more than any of them, nothing is named.
+Else the leading ones are refitted in full, and the one that leads at the file's own values, from there; the best enters
+where it beats the threshold, and at the end every one that entered is left out once. Where none is left and a free heat
+beats the threshold, the cause is unknown: what candidates seemed to explain no longer stands against it.
 
-A motor with an unknown heat may have causes beside it. There the search goes on once, elsewhere in the motor and on
-the bench, with this heat among the parameters: what it hides or bends shows, and what sessions that are run without it
-had against a term goes. At its own place a term would only stand in for it.
+A motor with an unknown heat may have causes beside it. There the search goes on once, elsewhere in the motor and on the
+bench, with this heat among the parameters: what it hides or bends shows, and what sessions that are run without it had
+against a term goes. At its own place a term would only stand in for it.
 
 Where what is left is no larger than a lumped model's own error, evidence judges alone: a session left out is another
 kind of test, which any freer law helps. Where it is far above that, the file's form is wrong, and the same samples that
@@ -16,7 +16,8 @@ make evidence do not make truth: there a term enters only where sessions, each p
 with it by more than the standard error of that, and together ask for it; of several the one with which they are
 nearest. The search ends where nothing more holds: the same sessions asked again and again wear out, and a gain within
 their scatter is what is left of them. A heat of any course says nothing of a session that is left out, so nothing is
-looked for beside it there. Fewer than four sessions cannot judge; there the leading term is the only one.
+looked for beside it there, and a map over speed and load would only say again that the form is wrong. Fewer than four
+sessions cannot judge; there the leading term is the only one.
 """
 
 from __future__ import annotations
@@ -151,7 +152,7 @@ def search(
     first = scored(current, candidates)
     tell("looking for heat that no candidate explains")
     wrong = is_wrong_in_form(current.model)
-    found = Naming((first,), (), (), current, free_heats(current), THRESHOLD, wrong_in_form=wrong)
+    found = Naming((first,), (), (), current, free_heats(current, not wrong), THRESHOLD, wrong_in_form=wrong)
     judging = found.judged
     found = replace(found, threshold=found.needed if threshold is None else threshold)
     if not found.is_unknown:

@@ -1,8 +1,10 @@
-"""An unknown cause as a hypothesis: a free heat at one node, of any course in time, to be held against named causes.
+"""An unknown cause as a hypothesis: a free heat at one node, to be held against named causes.
 
-The heat is a sum of tents every 300 s whose heights follow an Ornstein-Uhlenbeck prior, sessions independent. It acts
-linearly: with X the tents' whitened responses, K the Cholesky factor of the heights' correlation, s = K'X'P e0 and M =
-K'X'P X K (`twin.diagnosis.evidence`), a heat of size g has
+The heat is a sum of tents whose heights are alike where tents are near. They stand in time, every 300 s, so that it has
+any course that is not too fast, sessions independent; or over speed and load (`twin.diagnosis.free_maps`), so that it
+is as fast as these are, and the same in all sessions. It acts linearly: with X the tents' whitened responses, K the
+Cholesky factor of the heights' correlation, s = K'X'P e0 and M = K'X'P X K (`twin.diagnosis.evidence`), a heat of size
+g has
 
     ln BF_g = g^2 s'(I + g^2 M)^-1 s / 2 - ln|I + g^2 M| / 2,
 
@@ -27,6 +29,7 @@ CORRELATION_S = 900.0  # of the heights: three tents
 SIZES = np.geomspace(0.005, 0.08, 5)  # of the mean modelled total loss
 SIZE_PRIOR = 0.05  # half-normal, as of every candidate heat
 BOOTSTRAP_DRAWS, BAND = 500, (0.025, 0.975)
+SAME = 0.02  # of its largest value: a feature that varies by less is the same all the time
 ACTIVE = 0.5  # a tent counts as active from this share of the largest smoothed heat on
 
 
@@ -47,29 +50,35 @@ def tents(t_s: Array, times: Array) -> Array:
 
 @dataclass(frozen=True)
 class Response:
-    """One session: its `rows` among all whitened rows, the `times` (q,) [s] of its tents, and `columns` (n, q), how
-    these rows respond to 1 W at each tent, whitened."""
+    """Tents that stand together: how alike their heights are, `correlation` (q, q), and `columns` (n, q), how `rows`
+    among all whitened rows respond to 1 W at each, whitened."""
 
     rows: slice
-    times: Array
+    correlation: Array
     columns: Array
 
 
 @dataclass(frozen=True)
 class FreeHeat:
-    """A node's free heat: ln BF against none, and the smoothed heat `watts` with its `sd` [W], both (q,) at the tents
-    of all sessions, one after the other."""
+    """A node's free heat: ln BF against none, and the smoothed heat `watts` with its `sd` [W], both (q,) at its tents:
+    those of all sessions, one after the other, or those of a map (`is_map`)."""
 
     node: str
     log_bayes_factor: float
     watts: Array
     sd: Array
+    is_map: bool = False
+
+
+def correlation_in_time(times: Array) -> Array:
+    """How alike the heights of tents at `times` (q,) [s] of a session are, (q, q)."""
+    return np.exp(-np.abs(times[:, None] - times) / CORRELATION_S)
 
 
 def free_heat(
-    node: str, responses: Sequence[Response], e0: Array, projector: Projector, total_loss_W: float
+    node: str, responses: Sequence[Response], e0: Array, projector: Projector, total_loss_W: float, is_map: bool = False
 ) -> FreeHeat:
-    """Evidence and course of a free heat at one node; `e0` (N,) as in `twin.diagnosis.evidence`.
+    """Evidence and heights of a free heat at one node; `e0` (N,) as in `twin.diagnosis.evidence`.
 
     Sizes are shares of `total_loss_W`, the mean modelled total loss over training. Raises `EvidenceError` where that is
     not above 0.
@@ -85,21 +94,17 @@ def free_heat(
     log_weight = log_bf + log_prior - logsumexp(log_prior)
     weight = np.exp(log_weight - logsumexp(log_weight))
     watts, variance = _smoothed(sizes, weight, values, turned, factor @ vectors)
-    return FreeHeat(node, float(logsumexp(log_weight)), watts, np.sqrt(variance))
+    return FreeHeat(node, float(logsumexp(log_weight)), watts, np.sqrt(variance), is_map)
 
 
 def _reduced(responses: Sequence[Response], e0: Array, projector: Projector) -> tuple[Array, Array, Array]:
-    """K (q, q), s (q,) and M (q, q) of all sessions together."""
-    factors = [cholesky(_correlation(r.times), lower=True) for r in responses]
+    """K (q, q), s (q,) and M (q, q) of all responses together."""
+    factors = [cholesky(r.correlation, lower=True) for r in responses]
     columns = [r.columns @ k for r, k in zip(responses, factors, strict=True)]
     seen = np.hstack([projector.seen(x, r.rows) for r, x in zip(responses, columns, strict=True)])
     direct = np.concatenate([x.T @ e0[r.rows] for r, x in zip(responses, columns, strict=True)])
     m = block_diag(*(x.T @ x for x in columns)) - seen.T @ seen
     return block_diag(*factors), direct - seen.T @ projector.seen(e0), m
-
-
-def _correlation(times: Array) -> Array:
-    return np.exp(-np.abs(times[:, None] - times) / CORRELATION_S)
 
 
 def _log_bayes_factor(g: float, values: Array, turned: Array) -> float:
@@ -167,15 +172,20 @@ def _resampled(q: int, block: int) -> Sequence[Array]:
     return list(runs.reshape(BOOTSTRAP_DRAWS, -1)[:, :q])
 
 
+Range = tuple[float, float]
+
+
 def active_ranges(
-    watts: Array, features: Mapping[str, Array]
-) -> tuple[tuple[float, float], dict[str, tuple[float, float]]]:
-    """When the heat is there: over the tents with at least half of its largest size, its 10 to 90 % range [W], and the
-    5 to 95 % range of each feature."""
+    watts: Array, temperature_degC: Array, features: Mapping[str, Array]
+) -> tuple[Range, Range, dict[str, Range]]:
+    """When the heat is there: where it has at least half of its largest size, its 10 to 90 % range [W], and the 5 to
+    95 % ranges of the temperature and of each feature that is not the same all the time."""
     chosen = np.abs(watts) >= ACTIVE * np.abs(watts).max()
-    return _range(watts[chosen], 0.1), {name: _range(values[chosen], 0.05) for name, values in features.items()}
+    varying = {name: values for name, values in features.items() if np.ptp(_range(values, 0.05)) > SAME * values.max()}
+    among = {name: _range(values[chosen], 0.05) for name, values in varying.items()}
+    return _range(watts[chosen], 0.1), _range(temperature_degC[chosen], 0.05), among
 
 
-def _range(values: Array, outside: float) -> tuple[float, float]:
+def _range(values: Array, outside: float) -> Range:
     low, high = np.quantile(values, (outside, 1 - outside))
     return float(low), float(high)

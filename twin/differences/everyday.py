@@ -12,6 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from twin.arithmetic.hats import hat
 from twin.fitting import actions
 from twin.fitting.actions import Parameter, Place
 from twin.fitting.recorded import Floats, RecordedChannel, Test
@@ -218,11 +219,9 @@ def _maps(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
 
 def _largest(tent: actions.Tent, tests: Sequence[Test]) -> float:
     """The largest factor of the tent's number where the tests go."""
-    hats = [np.interp(t.inputs["speed"], tent.speeds, np.eye(len(tent.speeds))[tent.knot]) for t in tests]
-    by = [
-        np.abs(t.inputs["current"]) if tent.current else np.ones(len(hat)) for t, hat in zip(tests, hats, strict=True)
-    ]
-    return max(float((hat * own).max()) for hat, own in zip(hats, by, strict=True))
+    tents = [hat(t.inputs["speed"], tent.speeds, tent.knot) for t in tests]
+    by = [np.abs(t.inputs["current"]) if tent.current else 1.0 for t in tests]
+    return max(float((one * own).max()) for one, own in zip(tents, by, strict=True))
 
 
 def _standstill(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:

@@ -162,8 +162,21 @@ class HeatTent:
     spacing_s: float
 
 
+@dataclass(frozen=True)
+class HeatKnot:
+    """p [W] into a node at the knot (`speed`, `load`) of a map, less and less towards the next: one of those that make
+    up a free loss map. Knots `speeds` and `loads` (dimensionless) rise; `load` as in `Test.load`."""
+
+    node: int
+    speeds: tuple[float, ...]
+    loads: tuple[float, ...]
+    speed: int
+    load: int
+
+
+PartOfHeat = HeatTent | HeatKnot  # that is free
 OnTerms = Scale | Power | Tent | Course | InputGain | InputBias
-OnTemperatures = Added | Tilt | Capacity | Attached | Start | BoundaryBias | HeatTent
+OnTemperatures = Added | Tilt | Capacity | Attached | Start | BoundaryBias | PartOfHeat
 OnReading = Misreading | Lag | Beside | Late | Slowed
 OnBench = Misreading | Lag | Late | Slowed | BoundaryBias | InputGain | InputBias  # what a bench file corrects
 Action = OnTerms | OnTemperatures | OnReading

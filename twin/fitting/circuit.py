@@ -81,9 +81,9 @@ class Circuit:
                     row, factor = self.drive.feature(feature, rms)
                     laws = [self._law(self.place(place, own)) for place in places]
                     rows += [Product(law, factor, row, parameter=p) for law in laws]
-                case actions.HeatTent(node, time_s, spacing_s):
-                    row = self.drive.heat_tent(time_s, spacing_s)
-                    rows.append(Product(self._law(self.place(actions.Place(node))), 1.0, row, parameter=p))
+                case actions.HeatTent() | actions.HeatKnot():
+                    law = self._law(self.place(actions.Place(action.node)))
+                    rows.append(Product(law, 1.0, self.drive.free_heat(action), parameter=p))
                 case actions.Tilt(places, members, references):
                     for place, own_terms, reference in zip(places, members, references, strict=True):
                         sloped = [(self._law(law), share) for law, share in self.sloped(place, reference)]

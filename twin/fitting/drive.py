@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
+from dataclasses import replace
 from typing import assert_never
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.arithmetic.hats import hat
 from twin.fitting import actions
 from twin.fitting.recorded import Test
 from twin.fitting.rows import Product, Products, delayed
 from twin.motor import features
-from twin.motor.network import Network
+from twin.motor.network import NOBODY, Network
 
 Floats = NDArray[np.float64]
 
@@ -96,8 +98,8 @@ class Drive:
         return np.log(np.maximum(self.test.inputs[feature], LEAST_INPUT))
 
     def _tent(self, speeds: tuple[float, ...], knot: int, current: bool) -> Floats:
-        hat = np.interp(self.test.inputs["speed"], speeds, np.eye(len(speeds))[knot])
-        return np.asarray(hat * self.test.inputs["current"] if current else hat)
+        tent = hat(self.test.inputs["speed"], speeds, knot)
+        return tent * self.test.inputs["current"] if current else tent
 
     def _share_of_bias(self, feature: str, scale: float) -> Floats:
         """Of the input that a bias of 1 stored unit is; none where the input is too small to be told from 0."""
@@ -112,11 +114,20 @@ class Drive:
             return 0, factor
         return self.features.added(name, lambda: self.test.features[name]), factor
 
-    def heat_tent(self, time_s: float, spacing_s: float) -> int:
-        """The row of `features` that rises from 0 to 1 at a time of the test and falls again."""
-        middle = self.step_s * (np.arange(len(self.test.frame.features)) + 0.5)
-        tent = np.maximum(0.0, 1 - np.abs(middle - time_s) / spacing_s)
-        return self.features.added(("heat tent", time_s, spacing_s), lambda: tent[None])
+    def free_heat(self, part: actions.PartOfHeat) -> int:
+        """The row of `features` that a part of a free heat follows: it rises from 0 to 1 and falls again."""
+        return self.features.added(replace(part, node=NOBODY), lambda: self._tent_of(part)[None])
+
+    def _tent_of(self, part: actions.PartOfHeat) -> Floats:
+        match part:
+            case actions.HeatTent(_, time_s, spacing_s):
+                middle = self.step_s * (np.arange(len(self.test.frame.features)) + 0.5)
+                tent: Floats = np.maximum(0.0, 1 - np.abs(middle - time_s) / spacing_s)
+                return tent
+            case actions.HeatKnot(_, speeds, loads, speed, load):
+                return hat(self.test.inputs["speed"], speeds, speed) * hat(self.test.load, loads, load)
+            case _:
+                assert_never(part)
 
     def terms(self, beta: Floats) -> tuple[Floats, Floats]:
         """Every term (T, N) [W or W/K], and the factor of its tents (T, N), before any delay."""

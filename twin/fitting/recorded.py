@@ -68,7 +68,8 @@ class Test:
     means; `features`: name of a product -> (N,) step means of it; `initial`, `initial_sd` (n,); `course`: what `Course`
     multiplies with; `start_ns` of the first step; `begins`: channel -> what 1 K of its reading adds to `initial` (n,)
     [K/K], where the start was measured with it; `supposed`: nodes that no sensor follows, each as if it had been read
-    once (`twin.fitting.supposed`)."""
+    once (`twin.fitting.supposed`); `load` (N,): the torque, negative while it brakes, or the current where no torque is
+    recorded, or nothing (0,) where neither is, dimensionless."""
 
     __test__ = False
 
@@ -85,6 +86,7 @@ class Test:
     meters: tuple[RecordedMeter, ...] = ()
     begins: Mapping[str, Floats] = field(default_factory=dict)
     supposed: tuple[RecordedChannel, ...] = ()
+    load: Floats = field(default_factory=lambda: np.empty(0))
 
     @property
     def coldest_degC(self) -> float:

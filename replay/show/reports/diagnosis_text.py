@@ -94,10 +94,8 @@ def _ending(diagnosis: Diagnosis) -> Iterator[tuple[str, Sequence[str]]]:
         case Ending.AGREES | Ending.CANNOT_TELL:
             yield "Named cause", ["none", sentences.details(diagnosis)]
     for heat in diagnosis.unknown:
-        names = words.joined([words.name(name) for name in heat.goes_with])
-        goes_with = f"It goes with {names}. " if names else ""
         evidence = f"ln BF {verdict.figures(heat.log_bayes_factor)}{' of the strongest' * bool(heat.patchwork)}"
-        yield "Unknown", [verdict.unknown_sentence(heat), f"{goes_with}{words.capital(evidence)}"]
+        yield "Unknown", [verdict.unknown_sentence(heat), verdict.goes_with(heat) + words.capital(evidence)]
     yield "Rivals", [*_rivals(diagnosis)] or ["none above the null"]
 
 

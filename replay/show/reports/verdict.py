@@ -18,6 +18,7 @@ ON_THE_BENCH = ("sensor", "clock", "input", "boundary")  # kinds of cause that t
 NO_SIZE = ("hold", "stuck", "saturation", "dropout", "undersampled")  # faults that are there or not
 UNUSUAL = 4.0  # prior sd of a cause: one that is larger says so
 LEAST_SHARE = 0.5  # of ln BF: a family that is relieved by less is not told
+WAYS = {"braking": "while the motor brakes", "driving": "while the motor drives"}  # what a heat may go with
 FAR = 2.0  # floors: a recalibrated model that stays further off on kept sessions lacks something
 
 
@@ -205,15 +206,23 @@ def watts(heat: UnnamedHeat) -> str:
     return f"takes up to {figures(-low)} W from and adds up to {figures(high)} W to {node}"
 
 
+def goes_with(heat: UnnamedHeat) -> str:
+    """ "It goes with endwinding b and current. ", strongest first; "" where `active` says all."""
+    names = [words.name(name) for name in heat.goes_with if name not in WAYS]
+    return f"It goes with {words.joined(names)}. " if names else ""
+
+
 def active(heat: UnnamedHeat) -> str:
-    """ "when it is 90 to 140 °C and speed is 3,000 to 6,000 rpm"; "" where it goes with no range."""
+    """ "while the motor brakes, when it is 90 to 140 °C and speed is 3,000 to 6,000 rpm"; "" where it goes with no
+    range."""
+    way = next((WAYS[name] for name in heat.goes_with if name in WAYS), "")
     parts = []
     for key, (low, high) in heat.when.items():
         name, _, stored = key.rpartition("_")
         span = f"{words.number(words.rounded(low))} to {words.number(words.rounded(high))}"
         subject = "it" if name == heat.node else words.name(name)
         parts.append(f"{subject} is {span} {unit(stored)}")
-    return f"when {words.joined(parts)}" if parts else ""
+    return ", ".join(filter(None, [way, f"when {words.joined(parts)}" if parts else ""]))
 
 
 def unknown_sentence(heat: UnnamedHeat) -> str:

@@ -21,7 +21,7 @@ from twin.diagnosis.rounds import EVIDENT, Against, Refit, Round
 from twin.diagnosis.told_apart import separating_test, telling_test, told_apart
 from twin.differences.candidates import Candidate
 from twin.differences.proposals import at_one
-from twin.fitting.actions import Added, HeatTent
+from twin.fitting.actions import Added, PartOfHeat
 from twin.fitting.fit import Fit
 from twin.fitting.model import Floats, Model
 from twin.fitting.noise import floor_variance
@@ -126,7 +126,7 @@ def evidence_parts(naming: Naming, refit: Refit) -> EvidenceParts:
     plain, split = Plain(refit.fit.model.network), refit.evidence
     relieved = dict.fromkeys([*map(plain.group, others[:stated]), OTHER_CAUSES], 0.0)
     for i, (one, value) in enumerate(zip(others, split.relieved.tolist(), strict=True)):
-        name = plain.group(one) if i < stated or isinstance(one.action, HeatTent) else OTHER_CAUSES
+        name = plain.group(one) if i < stated or isinstance(one.action, PartOfHeat) else OTHER_CAUSES
         relieved[name] = relieved.get(name, 0.0) + value
     told = sorted(relieved.items(), key=lambda one: -one[1])
     return EvidenceParts(

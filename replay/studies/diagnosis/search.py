@@ -103,7 +103,7 @@ def _unknown(naming: Naming) -> list[Unknown]:
         return [describe(naming.final, naming.heats[0])]
     if naming.accepted:
         try:
-            left = free_heats(naming.final)[0]
+            left = free_heats(naming.final, not naming.wrong_in_form)[0]
         except DivergedError:  # terms that grow with temperature, held just below where they run away
             return []
         if left.log_bayes_factor > EVIDENT:

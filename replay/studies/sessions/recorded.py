@@ -127,7 +127,16 @@ def _test(
         channels=tuple(_channel(o, frame, steps) for o in seen),
         start_ns=int(frame.t_ns[0]),
         begins=initial_by_reading(network, of_network, level),
+        load=_load(named, frame, steps),
     )
+
+
+def _load(named: Mapping[str, Floats], frame: InputFrame, steps: int) -> Floats:
+    """`Test.load`: that of a motor that does not say which way its power flows is never negative."""
+    size = named.get("torque", named.get("current", np.empty(0)))
+    if frame.mechanical_W is None:
+        return size
+    return np.where(frame.mechanical_W[:steps] < 0, -size, size) if size.size else size
 
 
 def with_meters(test: Test, frame: InputFrame, network: Network, level: str) -> Test:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from made import motor as made
-from twin.diagnosis.free_heats import _responses, describe, free_heats
+from twin.diagnosis.free_heats import _in_time, describe, free_heats
 from twin.diagnosis.posterior_mode import stacked
 from twin.diagnosis.unknown import SPACING_S, tent_times
 from twin.differences.everyday import everyday
@@ -104,9 +104,9 @@ def test_rows_of_the_heats_are_those_of_the_fit() -> None:
     ]
     _, whole, _ = stacked(fitted, fitted.model.linearise(fitted.beta, wanted))
     at = 0
-    for response in _responses(fitted)[2]:
-        own = whole[:, at : at + len(response.times)]
-        at += len(response.times)
+    for response in _in_time(fitted)[2]:
+        own = whole[:, at : at + len(response.correlation)]
+        at += len(response.correlation)
         np.testing.assert_allclose(response.columns, own[response.rows], rtol=1e-3, atol=1e-6)
         outside = np.delete(own, np.r_[response.rows], axis=0)
         assert np.abs(outside).max() == 0.0

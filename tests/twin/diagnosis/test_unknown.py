@@ -15,6 +15,7 @@ from twin.diagnosis.unknown import (
     Response,
     active_ranges,
     associations,
+    correlation_in_time,
     free_heat,
     tent_times,
     tents,
@@ -36,14 +37,19 @@ def _impulse(t: Array, times: Array, capacity: float, tau: float) -> Array:
 
 
 def _campaign(sessions: int = 2, rows: int = 360, sd: float = 0.3) -> tuple[list[Response], Projector]:
-    """Whitened responses of each session, and what calibration can do as well."""
+    """Whitened responses of each session (`_times`), and what calibration can do as well."""
     t = 10.0 * np.arange(rows, dtype=np.float64)
-    times = tent_times(t[-1])
+    times = _times(rows)
     columns = _impulse(t, times, 800.0, 900.0) / sd
-    responses = [Response(slice(k * rows, (k + 1) * rows), times, columns) for k in range(sessions)]
+    alike = correlation_in_time(times)
+    responses = [Response(slice(k * rows, (k + 1) * rows), alike, columns) for k in range(sessions)]
     start = np.exp(-t / 900.0)[:, None] / sd
     calibration = np.vstack([np.kron(np.eye(sessions), start).T, np.tile(columns.sum(axis=1), sessions)]).T
     return responses, Projector.of(calibration, np.array([*[1.0] * sessions, 1 / 50.0**2]))
+
+
+def _times(rows: int = 360) -> Array:
+    return tent_times(10.0 * (rows - 1))
 
 
 def test_tents_stand_every_300_s_and_sum_to_one_between_the_first_and_the_last() -> None:
@@ -54,12 +60,13 @@ def test_tents_stand_every_300_s_and_sum_to_one_between_the_first_and_the_last()
 def test_the_evidence_is_the_gaussian_one_averaged_over_the_sizes() -> None:
     responses, projector = _campaign(rows=70)
     e0 = np.random.default_rng(0).standard_normal(140) * 3
-    x = np.zeros((140, 2 * len(responses[0].times)))
+    times = _times(70)
+    x = np.zeros((140, 2 * len(times)))
     correlation = np.zeros((x.shape[1], x.shape[1]))
     for k, r in enumerate(responses):
-        own = slice(k * len(r.times), (k + 1) * len(r.times))
+        own = slice(k * len(times), (k + 1) * len(times))
         x[r.rows, own] = r.columns
-        correlation[own, own] = np.exp(-np.abs(r.times[:, None] - r.times) / CORRELATION_S)
+        correlation[own, own] = np.exp(-np.abs(times[:, None] - times) / CORRELATION_S)
     without = np.eye(140) + (projector.columns / projector.precision) @ projector.columns.T
     heat = x @ correlation @ x.T
     base = multivariate_normal(cov=without).logpdf(e0)
@@ -71,7 +78,7 @@ def test_the_evidence_is_the_gaussian_one_averaged_over_the_sizes() -> None:
 
 def test_a_heat_of_any_course_is_found_back_within_its_band() -> None:
     responses, projector = _campaign()
-    times = responses[0].times
+    times = _times()
     truth = np.concatenate([100 * np.sin(times / 700.0), 80 * np.cos(times / 900.0)])
     signal = np.concatenate([r.columns @ truth[i * len(times) : (i + 1) * len(times)] for i, r in enumerate(responses)])
     e0 = signal + np.random.default_rng(1).standard_normal(len(signal))
@@ -91,7 +98,7 @@ def test_healthy_residuals_hold_no_free_heat() -> None:
 
 def test_a_named_law_beats_free_heat_on_its_own_effect_and_loses_on_another() -> None:
     responses, projector = _campaign()
-    times = responses[0].times
+    times = _times()
     law = np.tile(np.sin(times / 500.0) ** 2, 2)
     other = np.tile(np.where((times > 900) & (times < 1900), 1.0, 0.0), 2)
     q = len(times)
@@ -146,6 +153,9 @@ def test_runs_and_features_that_do_not_fit_are_refused() -> None:
 
 def test_where_the_heat_is_large_is_said_with_sign() -> None:
     temperature = np.linspace(20, 120, 101)
-    watts, where = active_ranges(np.where(temperature > 80, -40.0, 0.0), {"endwinding_b_degC": temperature})
+    features = {"current": temperature / 100, "flow": np.linspace(0.99, 1.0, 101)}
+    watts, (low, high), among = active_ranges(np.where(temperature > 80, -40.0, 0.0), temperature, features)
     assert watts == (-40.0, -40.0)
-    assert where["endwinding_b_degC"][0] > 80 and where["endwinding_b_degC"][1] <= 120
+    assert low > 80 and high <= 120
+    assert list(among) == ["current"], "the flow is the same all the time"
+    assert among["current"][0] > 0.8

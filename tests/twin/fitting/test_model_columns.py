@@ -46,6 +46,7 @@ EVERY: dict[str, tuple[actions.Action, float]] = {  # action and a size of its n
     "clock far off": (actions.Late(("R_1",), False), 7.5),
     "clock that runs wrong": (actions.Late(("R_1", "Y_1"), True), 900.0),
     "free heat": (actions.HeatTent(CASE, 300.0, 120.0), 20.0),
+    "free map": (actions.HeatKnot(CASE, (0.0, 0.5, 1.0), (-1.0, 0.0, 1.0), 1, 2), 20.0),
 }
 MORE = (law(speed=2.0, current=2.0), law(current=2.0), law(speed=1.0))
 
@@ -61,7 +62,8 @@ def tests() -> Sequence[Test]:
         every_law(), pulses(DURATION_S), initial, more=MORE, seed=2, samples={"Y_1": some, "R_1": some[::-1]}
     )
     begins = {"W_1": np.array([1.0, 0.0, 0.3, 0.1]), "Y_1": np.array([0.0, 0.8, 0.2, 0.4])}
-    return (recorded(every_law(), smooth(DURATION_S), initial, more=MORE, seed=1), replace(pulsed, begins=begins))
+    both = (recorded(every_law(), smooth(DURATION_S), initial, more=MORE, seed=1), replace(pulsed, begins=begins))
+    return tuple(replace(test, load=test.inputs["current"]) for test in both)
 
 
 def _modelled(model: Model, beta: Floats) -> Floats:

@@ -338,6 +338,13 @@ def test_an_unknown_heat_without_a_range_says_no_when() -> None:
     assert active(replace(UNKNOWN.unknown[0], when={})) == ""
 
 
+def test_an_unknown_heat_that_is_there_while_the_motor_brakes_says_so() -> None:
+    heat = replace(UNKNOWN.unknown[0], goes_with=["braking"], when={"speed_rpm": [372.0, 3778.0]})
+    assert active(heat) == "while the motor brakes, when speed is 370 to 3,800 rpm"
+    assert active(replace(heat, when={})) == "while the motor brakes"
+    assert "It goes with" not in diagnosis_text(replace(UNKNOWN, unknown=[heat])), "it was said"
+
+
 def test_patchwork_says_what_fits_only_together_and_no_watts() -> None:
     heat = replace(UNKNOWN.unknown[0], patchwork=["loss.magnet.speed2", "loss.rotor_surface.speed"])
     text = flat(diagnosis_text(replace(UNKNOWN, unknown=[heat])))

@@ -1,0 +1,121 @@
+"""A free loss map: a heat that is there while a motor brakes, which no law can say, is found and told as that."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from made import motor as made
+from twin.diagnosis.free_heats import _over, as_parameters, describe, free_heats
+from twin.diagnosis.free_maps import LOADS, SPEEDS, Knots
+from twin.diagnosis.posterior_mode import stacked
+from twin.differences.everyday import everyday
+from twin.fitting.fit import Fit, fit
+from twin.fitting.model import Floats, Model, Test
+from twin.fitting.noise import ChannelNoise
+from twin.motor.network import Network, Term
+
+INITIAL = np.array([60.0, 50.0, 55.0, 45.0])
+QUIET = ChannelNoise(ar_sd=0.1, ar_tau_s=60.0, ou_sd=0.2, ou_tau_s=600.0)
+HIDDEN_W = 150.0  # at full current, while it brakes
+SECONDS = 3600.0
+BRAKING = np.repeat(np.random.default_rng(8).random(200) < 0.4, round(20 / made.FINE_S))  # for 20 s or not
+
+
+def _hiding(network: Network) -> Network:
+    """Magnets that are heated by "voltage", which stands for the current of a motor that brakes."""
+    sources = [
+        replace(s, terms=(*s.terms, Term(HIDDEN_W, {"voltage": 1.0}))) if s.node == "magnet" else s
+        for s in network.sources
+    ]
+    scale = {**network.scale, "voltage": 1.0}
+    return replace(network, name="hot-while-it-brakes", sources=tuple(sources), scale=scale)
+
+
+def _test(hidden: bool) -> Test:
+    network, drive = made.every_law(), made.pulses(SECONDS, seed=5)
+    brakes = BRAKING[: len(drive["current"])]
+    with_brakes = {**drive, "voltage": np.where(brakes, drive["current"], 0.0)}
+    test = made.recorded(network, with_brakes, INITIAL, true=_hiding(network) if hidden else network, seed=4)
+    load = np.where(brakes, -drive["current"], drive["current"])
+    return replace(test, load=load.reshape(len(test.inputs["current"]), -1).mean(axis=1))
+
+
+@cache
+def _fitted(hidden: bool = True) -> Fit:
+    network, tests = made.every_law(), [_test(hidden)]
+    model = Model(network, tests, everyday(network, tests), dict.fromkeys(made.CHANNELS, QUIET))
+    return fit(model, np.zeros(len(model.parameters)))
+
+
+def _true_course(test: Test) -> Floats:
+    return HIDDEN_W * np.where(test.load < 0.0, -test.load, 0.0)
+
+
+def test_a_heat_while_it_brakes_is_found_as_a_map_and_not_in_time() -> None:
+    found = free_heats(_fitted(), maps=True)
+    best = found[0]
+    assert (best.node, best.is_map) == ("magnet", True)
+    in_time = max(heat.log_bayes_factor for heat in found if not heat.is_map)
+    assert best.log_bayes_factor > in_time + 20
+    test = _fitted().model.tests[0]
+    knots = Knots.over([test])
+    assert knots is not None
+    assert np.corrcoef(knots.course(best.watts, test), _true_course(test))[0, 1] > 0.8
+
+
+def test_it_is_told_that_it_goes_with_braking_and_when() -> None:
+    fitted = _fitted()
+    unknown = describe(fitted, free_heats(fitted, maps=True)[0])
+    assert unknown.goes_with == ("braking",)
+    low, high = unknown.watts
+    assert 0.0 < low < high < HIDDEN_W
+
+
+def test_a_healthy_motor_has_no_map() -> None:
+    assert max(heat.log_bayes_factor for heat in free_heats(_fitted(False), maps=True)) < 3
+
+
+def test_there_is_no_map_where_nobody_knows_the_load() -> None:
+    tests = [_fitted().model.tests[0], replace(_fitted().model.tests[0], load=np.empty(0))]
+    assert Knots.over(tests) is None
+    assert not any(heat.is_map for heat in free_heats(_fitted()))
+
+
+def test_a_map_holds_every_step_and_its_heights_add_up_to_it() -> None:
+    test = _fitted().model.tests[0]
+    knots = Knots.over([test])
+    assert knots is not None
+    assert (len(knots.speeds), len(knots.loads)) == (SPEEDS, LOADS)
+    np.testing.assert_allclose(knots.course(np.ones(SPEEDS * LOADS), test), 1.0)
+
+
+def test_rows_of_a_map_are_those_of_its_parameters() -> None:
+    fitted = _fitted()
+    heat = free_heats(fitted, maps=True)[0]
+    wanted = as_parameters(fitted, heat)
+    assert {parameter.test for parameter in wanted} == {None}, "it is the same in every test"
+    _, whole, _ = stacked(fitted, fitted.model.linearise(fitted.beta, wanted))
+    knots = Knots.over(fitted.model.tests)
+    assert knots is not None
+    (response,) = _over(knots, fitted)[made.MAGNET]
+    np.testing.assert_allclose(response.columns, whole, rtol=1e-3, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("by", "told"),
+    [
+        (lambda speed, load: np.where(load < 0, 1.0, 0.0), ("braking",)),
+        (lambda speed, load: np.exp(-0.5 * ((speed - 0.5) / 0.1) ** 2) + 0 * load, ("speed",)),
+        (lambda speed, load: np.abs(load) + 0 * speed, ("torque",)),
+    ],
+)
+def test_what_a_map_goes_with(by: object, told: tuple[str, ...]) -> None:
+    test = _fitted().model.tests[0]
+    knots = Knots.over([test])
+    assert knots is not None and callable(by)
+    speed, load = np.meshgrid(knots.speeds, knots.loads, indexing="ij")
+    assert knots.followed(by(speed, load).ravel(), [test], "torque") == told

@@ -1,0 +1,20 @@
+"""Hats: what one knot of a piecewise linear function adds to it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+def hat(values: Floats, knots: Sequence[float], place: int) -> Floats:
+    """1 at knot number `place` of the rising `knots`, down to 0 at its neighbours; outside, as at the last knot.
+
+    >>> import numpy as np
+    >>> hat(np.array([0.0, 0.75, 1.5, 9.0]), (0.0, 1.0, 2.0), 1)
+    array([0.  , 0.75, 0.5 , 0.  ])
+    """
+    return np.asarray(np.interp(values, knots, np.eye(len(knots))[place]))

@@ -1,0 +1,88 @@
+"""A free loss map at a node: a heat that depends on speed and load in any way, where no law does that a motor file has.
+
+Braking heats another part than driving does, a part resonates at one speed: the features that laws are made of are
+magnitudes, and powers of them, so none can say so. A heat that is free in time cannot follow either: within a tent of
+300 s a vehicle brakes ten times. A map has one height a knot of speed and load (the torque, negative while it brakes),
+as alike as knots are near, in all sessions alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin.arithmetic.hats import hat
+from twin.fitting.actions import HeatKnot
+from twin.fitting.model import Floats, Test
+
+SPEEDS, LOADS = 9, 5  # knots, from 0 to the highest speed and from braking as hard as ever to driving so
+ALIKE = 2.0  # knots over which heights are alike: a quarter of all speeds, half of all loads
+MOST = 0.5  # of how a heat varies: what explains as much is what it goes with
+
+
+@dataclass(frozen=True)
+class Knots:
+    """Where the heights of a map stand: `speeds` and `loads`, dimensionless, each rising. Heights are counted load by
+    load within speed: of 9 and 5 the second has the lowest speed and the second lowest load."""
+
+    speeds: tuple[float, ...]
+    loads: tuple[float, ...]
+
+    @classmethod
+    def over(cls, tests: Sequence[Test]) -> Knots | None:
+        """Those that hold all steps of the tests; None where one of them has no speed or load, or none ever turns."""
+        if not all("speed" in test.inputs and test.load.size for test in tests):
+            return None
+        fastest = max(float(test.inputs["speed"].max()) for test in tests)
+        hardest = max(float(np.abs(test.load).max()) for test in tests)
+        if not (fastest > 0.0 and hardest > 0.0):
+            return None
+        speeds, loads = np.linspace(0.0, fastest, SPEEDS), np.linspace(-hardest, hardest, LOADS)
+        return cls(tuple(speeds.tolist()), tuple(loads.tolist()))
+
+    @property
+    def places(self) -> list[tuple[int, int]]:
+        """The knots of speed and load of each height."""
+        return [(speed, load) for speed in range(len(self.speeds)) for load in range(len(self.loads))]
+
+    @property
+    def correlation(self) -> Floats:
+        """How alike two heights are, (q, q)."""
+        at = np.array(self.places, dtype=np.float64)
+        found: Floats = np.exp(-np.abs(at[:, None] - at).sum(axis=-1) / ALIKE)
+        return found
+
+    def parts(self, node: int) -> list[HeatKnot]:
+        """What the heights of a map at a node do."""
+        return [HeatKnot(node, self.speeds, self.loads, speed, load) for speed, load in self.places]
+
+    def course(self, watts: Floats, test: Test) -> Floats:
+        """The heat (N,) [W] of a map (q,) [W] in the steps of a test."""
+        at_speed, at_load = _hats(test.inputs["speed"], self.speeds), _hats(test.load, self.loads)
+        found: Floats = np.einsum("ns,nl,sl->n", at_speed, at_load, watts.reshape(len(self.speeds), -1))
+        return found
+
+    def followed(self, watts: Floats, tests: Sequence[Test], load: str) -> tuple[str, ...]:
+        """What explains most of how a map varies over the tests, strongest first: "braking" or "driving", else "speed"
+        and the feature that `load` is."""
+        course = np.concatenate([self.course(watts, test) for test in tests])
+        speed = np.concatenate([test.inputs["speed"] for test in tests])
+        loads = np.concatenate([test.load for test in tests])
+        brakes = loads < 0.0
+        if _share(course, np.column_stack([brakes, ~brakes])) > MOST:
+            return ("braking" if brakes.mean() < 0.5 else "driving",)
+        by = {"speed": _share(course, _hats(speed, self.speeds)), load: _share(course, _hats(loads, self.loads))}
+        return tuple(name for name in sorted(by, key=lambda name: -by[name]) if by[name] > MOST)
+
+
+def _hats(values: Floats, knots: Sequence[float]) -> Floats:
+    return np.column_stack([hat(values, knots, place) for place in range(len(knots))])
+
+
+def _share(course: Floats, design: Floats) -> float:
+    """How much of a course's variance a sum of the columns of `design` explains; columns add up to 1."""
+    left = course - design @ np.linalg.lstsq(design.astype(np.float64), course, rcond=None)[0]
+    spread = float(np.var(course))
+    return 1.0 - float(np.var(left)) / spread if spread > 0.0 else 0.0
