@@ -255,9 +255,11 @@ def _check_map(network: Network, entry: Entry, number: int, table: Map, in_link:
     for name, knots in (("speeds", table.speed), ("torques", table.torque)):
         if len(knots) < 2 or not all(map(math.isfinite, knots)):
             raise BadValueError(entry, f"{where} has {len(knots)} {name}: give at least 2, all finite numbers")
-        if knots[0] < 0 or any(b <= a for a, b in itertools.pairwise(knots)):
-            says = f"its {name} do not rise from 0 or above: features are magnitudes, sort them, each only once"
-            raise BadValueError(entry, f"{where}: {says}")
+        if any(b <= a for a, b in itertools.pairwise(knots)):
+            raise BadValueError(entry, f"{where}: its {name} do not rise: sort them, each only once")
+    if table.speed[0] < 0:
+        says = "its speeds begin below 0: a speed is a magnitude, give a torque below 0 for a motor that brakes"
+        raise BadValueError(entry, f"{where}: {says}")
     if len(table.values) != len(table.speed) or any(len(row) != len(table.torque) for row in table.values):
         size = f"{len(table.speed)} rows of {len(table.torque)} values"
         raise BadValueError(entry, f"{where} needs {size}: a row for each speed, a value for each torque")

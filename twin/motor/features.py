@@ -1,8 +1,8 @@
 """Features: the dimensionless quantities that a motor's laws are made of, and the products of powers of them.
 
 Every feature is a magnitude, `|quantity| / scale` (|n| / n0, |torque| / T0, |i_d| / I0, ...), so any exponent is
-defined; flux is 0 at standstill by definition of the frame; `hours_above_<T>degC` counts hours (scale 1 h). 0 ** 0 is
-1.
+defined; only a map may tell a torque that brakes from one that drives; flux is 0 at standstill by definition of the
+frame; `hours_above_<T>degC` counts hours (scale 1 h). 0 ** 0 is 1.
 """
 
 from __future__ import annotations
@@ -171,7 +171,7 @@ def monomials(network: Network) -> tuple[Monomial, ...]:
 
 def evaluate(monomials: tuple[Monomial, ...], u: Mapping[str, NDArray[np.float64]], length: int) -> NDArray[np.float64]:
     """(length, m): each monomial over the dimensionless features `u`, feature -> (length,), of which the magnitude is
-    taken.
+    taken, but for the torque of a map with torques below 0.
 
     `u` must hold every feature used.
 
@@ -194,16 +194,22 @@ def evaluate(monomials: tuple[Monomial, ...], u: Mapping[str, NDArray[np.float64
 def beyond(table: Map, u: Mapping[str, NDArray[np.float64]]) -> NDArray[np.bool_]:
     """In which steps (length,) speed or torque is outside the table."""
     result: NDArray[np.bool_] = np.zeros(1, dtype=np.bool_)
-    for feature, knots in (("speed", table.speed), ("torque", table.torque)):
-        at = np.abs(u[feature])
+    for at, knots in zip(_operating_point(table, u), (table.speed, table.torque), strict=True):
         result = result | (at < knots[0]) | (at > knots[-1])
     return result
+
+
+def _operating_point(table: Map, u: Mapping[str, NDArray[np.float64]]) -> tuple[NDArray[np.float64], ...]:
+    """Speed and torque (length,) as a map takes them."""
+    speed, torque = u["speed"], u["torque"]
+    brakes = speed * torque < 0 if table.torque[0] < 0 else np.zeros(1, dtype=np.bool_)
+    return np.abs(speed), np.where(brakes, -np.abs(torque), np.abs(torque))
 
 
 def _shape_factor(shape: Shape, u: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
     """What a shape multiplies by (length,). Elementwise products and sums only, for the reason given in
     `twin.arithmetic.powers`."""
-    left, share = _placed(shape.speed, u["speed"])
+    left, share = _placed(shape.speed, np.abs(u["speed"]))
 
     def between(values: tuple[float, ...]) -> NDArray[np.float64]:
         at = np.array(values)
@@ -219,7 +225,8 @@ def _shape_factor(shape: Shape, u: Mapping[str, NDArray[np.float64]]) -> NDArray
 def _mapped(table: Map, u: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
     """What a map multiplies by (length,)."""
     values = np.array(table.values)
-    (i, along), (j, across) = _placed(table.speed, u["speed"]), _placed(table.torque, u["torque"])
+    speed, torque = _operating_point(table, u)
+    (i, along), (j, across) = _placed(table.speed, speed), _placed(table.torque, torque)
     low = (1 - across) * values[i, j] + across * values[i, j + 1]
     high = (1 - across) * values[i + 1, j] + across * values[i + 1, j + 1]
     result: NDArray[np.float64] = (1 - along) * low + along * high
@@ -227,9 +234,9 @@ def _mapped(table: Map, u: Mapping[str, NDArray[np.float64]]) -> NDArray[np.floa
 
 
 def _placed(rising: tuple[float, ...], u: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """The knot at or before each magnitude (length,), the last but one at most, and the share of the way to the next
+    """The knot at or before each value (length,), the last but one at most, and the share of the way to the next
     (length,)."""
     knots = np.array(rising)
-    at = np.clip(np.abs(u), knots[0], knots[-1])
+    at = np.clip(u, knots[0], knots[-1])
     left = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, knots.size - 2)
     return left, (at - knots[left]) / (knots[left + 1] - knots[left])

@@ -48,8 +48,9 @@ class Shape:
 
 @dataclass(frozen=True)
 class Map:
-    """Multiply by a table over speed and torque, both dimensionless magnitudes: `values[i][j]` at `speed[i]`,
-    `torque[j]`, rising knots of 0 or more. Bilinear between the knots, constant beyond the outermost."""
+    """Multiply by a table over speed and torque, both dimensionless: `values[i][j]` at `speed[i]`, `torque[j]`, rising
+    knots. Speed is a magnitude. Torque is negative while the motor brakes where its knots begin below 0, a magnitude
+    else. Bilinear between the knots, constant beyond the outermost."""
 
     speed: tuple[float, ...]
     torque: tuple[float, ...]

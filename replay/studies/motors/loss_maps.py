@@ -19,37 +19,41 @@ def mapped(speed: Values, torque: Values, losses: Mapping[str, Values], most: in
     """Name of each loss [W] that is not 0 everywhere -> its map, from points (N,) of speed [rpm] and torque [Nm]; None
     where these lie on a line.
 
-    Motoring points alone, as a map takes speed and torque as magnitudes. Between points it is linear; where there is
-    none, the nearest counts. The knots are the points' own, `most` even ones where there are more.
+    Points that turn forwards alone; a torque below 0 brakes. Between points it is linear; where there is none, the
+    nearest counts. The knots are the points' own, `most` even ones where there are more.
     """
-    driven = (speed >= 0) & (torque >= 0)
-    if np.linalg.matrix_rank(_scaled(speed[driven], torque[driven]), tol=1e-6) < 3:
+    forwards = speed >= 0
+    speed, torque = speed[forwards], torque[forwards]
+    if np.linalg.matrix_rank(np.column_stack([np.ones_like(speed), *_scaled(speed, torque)]), tol=1e-6) < 3:
         return None
-    knots = _knots(speed[driven], most), _knots(torque[driven], most)
+    knots = _knots(speed, most), _knots(torque, most)
     return {
-        name: _text(*knots, _gridded(speed[driven], torque[driven], loss[driven], *knots))
+        name: _text(*knots, _gridded(speed, torque, loss[forwards], *knots))
         for name, loss in losses.items()
-        if loss[driven].any()
+        if loss[forwards].any()
     }
 
 
-def _scaled(speed: Values, torque: Values) -> Values:
-    """Points (N, 3) of 1, speed and torque, the last two of about 1."""
-    return np.stack([np.ones_like(speed), *(one / max(float(one.max(initial=0)), 1e-9) for one in (speed, torque))], 1)
+def _scaled(*axes: Values) -> tuple[Values, ...]:
+    """Each of 1 at most."""
+    return tuple(one / max(float(np.abs(one).max(initial=0)), 1e-9) for one in axes)
 
 
 def _knots(values: Values, most: int) -> Values:
-    """The values themselves where they are few, else even ones between the least and the largest."""
+    """The values themselves where they are few, else even ones between the least and the largest, and 0 between."""
     own = np.unique(values)
-    return own if len(own) <= most else np.linspace(own[0], own[-1], min(most, MOST))
+    if len(own) <= most:
+        return own
+    even = np.linspace(own[0], own[-1], min(most, MOST))
+    return np.unique(np.append(even, 0.0)) if own[0] < 0 < own[-1] else even
 
 
 def _gridded(speed: Values, torque: Values, loss: Values, speeds: Values, torques: Values) -> Values:
     """A loss at the knots (S, T)."""
     from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 
-    at = _scaled(speed, torque)[:, 1:]
-    wanted = np.stack(np.meshgrid(speeds / speed.max(), torques / torque.max(), indexing="ij"), axis=-1)
+    at = np.column_stack(_scaled(speed, torque))
+    wanted = np.stack(np.meshgrid(*_scaled(speeds, torques), indexing="ij"), axis=-1)
     inside = LinearNDInterpolator(at, loss)(wanted)
     return np.asarray(np.where(np.isnan(inside), NearestNDInterpolator(at, loss)(wanted), inside))
 

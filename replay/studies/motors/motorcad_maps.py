@@ -42,8 +42,8 @@ Values = NDArray[np.float64]
 def maps_of(path: Path) -> dict[str, str]:
     """Name of each loss that is not 0 everywhere -> its map, as a motor file's `map` reads it.
 
-    Motoring points alone, as a map takes speed and torque as magnitudes. Between points it is linear; where the motor
-    does not reach, the nearest point counts. Raises MotorFileError where the file is none, or holds no map.
+    Between points it is linear; where the motor does not reach, the nearest point counts. Raises MotorFileError
+    where the file is none, or holds no map.
     """
     held = _held(path)
     if held.keys() >= CURRENTS and "Shaft_Torque" not in held:

@@ -37,6 +37,15 @@ def test_a_map_is_bilinear_between_its_knots_and_takes_magnitudes() -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
 
 
+def test_a_map_with_torques_below_0_tells_braking_from_driving() -> None:
+    """Whichever way the motor turns: it brakes where its torque is against its speed."""
+    both = Map((0.0, 1.0), (-1.0, 0.0, 1.0), ((0.0, 0.0, 0.0), (40.0, 0.0, 10.0)))
+    u = {"speed": np.array([0.5, -0.5, 0.5, -0.5, 0.0]), "torque": np.array([0.5, -0.5, -0.5, 0.5, -0.5])}
+    found = features.evaluate((features.Monomial((), both),), u, 5)[:, 0]
+    assert found.tolist() == [2.5, 2.5, 10.0, 10.0, 0.0]
+    assert features.beyond(both, {"speed": np.array([0.5, 0.5]), "torque": np.array([-1.1, 1.1])}).all()
+
+
 def test_outside_a_map_its_edge_is_taken_and_can_be_said() -> None:
     u = {"speed": np.array([0.2, 1.2, 0.5, 0.5]), "torque": np.array([0.2, 0.4, 0.0, 1.5])}
     found = features.evaluate((features.Monomial((), TABLE),), u, 4)[:, 0]
@@ -65,8 +74,8 @@ def test_a_map_makes_the_heat_that_it_says() -> None:
 REFUSED = {
     "one speed": (replace(TABLE, speed=(0.5,), values=(TABLE.values[0],)), BadValueError,
         "map has 1 speeds: give at least 2"),
-    "falling": (replace(TABLE, torque=(0.1, 0.4, 0.3, 1.0)), BadValueError, "its torques do not rise from 0 or above"),
-    "negative": (replace(TABLE, torque=(-0.1, 0.4, 0.5, 1.0)), BadValueError, "features are magnitudes"),
+    "falling": (replace(TABLE, torque=(0.1, 0.4, 0.3, 1.0)), BadValueError, "its torques do not rise"),
+    "turned back": (replace(TABLE, speed=(-0.5, 0.5, 1.0)), BadValueError, "its speeds begin below 0: a speed is a"),
     "rows": (replace(TABLE, values=TABLE.values[:2]), BadValueError, "map needs 3 rows of 4 values"),
     "columns": (replace(TABLE, values=((0.0, 1.0),) * 3), BadValueError, "map needs 3 rows of 4 values"),
     "cooling": (replace(TABLE, values=((-1.0,) * 4,) * 3), BadValueError,

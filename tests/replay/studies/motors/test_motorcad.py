@@ -196,10 +196,13 @@ def test_a_map_of_losses_has_their_values_where_the_motor_reaches(
     table = read_motor(whole(motor), motor.name).sources[0].terms[0].shape
     assert isinstance(table, Map)
     speed, torque, loss = np.array(table.speed), np.array(table.torque), np.array(table.values)
-    reached = torque <= np.minimum(300, 900_000 / speed)[:, None] * 0.98
-    np.testing.assert_allclose(loss[reached], (10 + speed[:, None] / 50 + torque)[reached], rtol=1e-3)
+    reached = np.abs(torque) <= np.minimum(300, 900_000 / speed)[:, None] * 0.98
+    driving, braking = reached & (torque >= 0), reached & (torque < -30)
+    expected = 10 + speed[:, None] / 50 + np.abs(torque)
+    np.testing.assert_allclose(loss[driving], expected[driving], rtol=1e-3)
+    np.testing.assert_allclose(loss[braking], 500 + expected[braking], rtol=1e-3)
     beyond = loss[~reached & (torque > 250)]  # the nearest point that it reaches
-    assert reached.sum() > 100 and beyond.size and beyond.max() <= 10 + 10_000 / 50 + 300
+    assert min(driving.sum(), braking.sum()) > 100 and beyond.size and beyond.max() <= 10 + 10_000 / 50 + 300
 
 
 @pytest.mark.parametrize(
@@ -228,8 +231,7 @@ def test_bytes_that_are_no_matlab_file_are_refused(tmp_path: Path) -> None:
 def test_a_table_of_operating_points_becomes_maps_whatever_it_calls_its_columns(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """German, with a line above the names and units below them; points that generate, or without a value, are left
-    out."""
+    """German, with a line above the names and units below them; points without a value are left out."""
     rows = "".join(
         f"{speed};{torque};{f'{(10 + speed / 50 + torque) / 1000:.6f}'.replace('.', ',')};{speed * torque}\n"
         for speed in range(0, 10_001, 1000)
@@ -244,7 +246,7 @@ def test_a_table_of_operating_points_becomes_maps_whatever_it_calls_its_columns(
     motor.write_text(MOTOR.replace("iron_loss_stator_tooth", "eisenverluste"))
     table = read_motor(whole(motor), motor.name).sources[0].terms[0].shape
     assert isinstance(table, Map)
-    assert (table.speed[-1], table.torque[0], table.torque[-1]) == (10_000, 0, 300)
+    assert (table.speed[-1], table.torque[0], table.torque[-1]) == (10_000, -50, 300)
     expected = 10 + np.array(table.speed)[:, None] / 50 + np.array(table.torque)
     np.testing.assert_allclose(np.array(table.values), expected, rtol=1e-4)
 
