@@ -12,12 +12,14 @@ number of distinct columns: about 1 ms a query for each at 200 files.
 
 from __future__ import annotations
 
+import contextlib
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
+import duckdb
 import pyarrow as pa
 import pyarrow.parquet as pq
 
@@ -27,8 +29,6 @@ from analytics.reached import at
 from ingest.facts.durable import sha256_of
 
 if TYPE_CHECKING:
-    import duckdb
-
     from ingest.facts.bucket import Bucket
 
 Kind = TypeVar("Kind", bound=Hashable)
@@ -79,9 +79,16 @@ def is_readable(bucket: Bucket | None, file: str) -> bool:
         return False
 
 
-def watch(connection: duckdb.DuckDBPyConnection, on: bool = True) -> None:
-    """Let `connection` note from here on which files it opens, for `check`, or no more: its notes are in memory."""
-    connection.execute("CALL enable_logging('FileSystem')" if on else "CALL disable_logging()")
+def watch(connection: duckdb.DuckDBPyConnection) -> None:
+    """Let `connection` note from here on which files it opens, for `check`: its notes are in memory."""
+    connection.execute("CALL enable_logging('FileSystem')")
+
+
+def unwatch(connection: duckdb.DuckDBPyConnection) -> None:
+    """Let it note no more. Before it is closed: DuckDB 2.0 would note that it closes its temporary files where its
+    notes are no more, and so end the process."""
+    with contextlib.suppress(duckdb.Error):  # there are errors after which DuckDB answers nothing more
+        connection.execute("CALL disable_logging()")
 
 
 def check(connection: duckdb.DuckDBPyConnection, files: Iterable[Named]) -> None:

@@ -77,7 +77,9 @@ class Warehouse:
 
     def __exit__(self, _: object, error: BaseException | None, __: object) -> None:
         """Raises WarehouseError where a file that was read is damaged: then no answer holds that it had part in."""
-        with contextlib.closing(self.connection):
+        with contextlib.ExitStack() as at_the_end:
+            at_the_end.callback(self.connection.close)
+            at_the_end.callback(scans.unwatch, self.connection)
             if error is None:
                 scans.check(self.connection, scans.named(self.connection))
             elif isinstance(error, Exception):
@@ -205,11 +207,14 @@ def fill(
             connection.execute(scans.statement(part))
         code = " ".join((source or {}).get(what, "") for what in ("analytics", "duckdb"))
         parts = partitions.create(connection, kept.folder if kept else None, code)
+        scans.check(connection, named)
     except Exception:  # damage shows in many ways
-        connection.rollback()  # else nothing more can be asked
+        with contextlib.suppress(duckdb.Error):
+            connection.rollback()  # else nothing more can be asked
         scans.check(connection, named)
         raise
-    scans.check(connection, named)
+    finally:
+        scans.unwatch(connection)
     if kept:
         partitions.keep(connection, kept, parts)
     for part in (*VIEWS[len(SAMPLES) :], *MACROS):
@@ -218,14 +223,15 @@ def fill(
 
 
 def confine(connection: duckdb.DuckDBPyConnection, watched: bool = True) -> None:
-    """Let `connection` read the Parquet files of its views and nothing else, for good; `watched`: as `scans.watch`.
+    """Let `connection` read the Parquet files of its views and nothing else, for good; `watched`: it notes which.
 
     No other file, no network, no extension, no Python variable as a table; memory and threads are limited, and no
     setting can be changed afterwards. What a sort or a window needs beyond the memory lies in a folder of its own
     where the system keeps temporary files, made when it is needed and gone when the connection closes; what questions
     that were killed left there goes with the next one.
     """
-    scans.watch(connection, watched)
+    if watched:
+        scans.watch(connection)
     temporary = Path(tempfile.gettempdir()).resolve()
     _sweep(temporary, SPILLING)
     spill = temporary / f"{SPILLING}{uuid4().hex}"
@@ -241,6 +247,7 @@ def confine(connection: duckdb.DuckDBPyConnection, watched: bool = True) -> None
         "python_enable_replacements = false",
         f"memory_limit = '{MEMORY}'",
         f"threads = {min(THREADS, os.cpu_count() or 1)}",
+        "allowed_configs = ['enable_logging']",  # so that `scans.unwatch` can
         "lock_configuration = true",
     ):
         connection.execute(f"SET {setting}")

@@ -8,6 +8,7 @@ import re
 import tempfile
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import duckdb
@@ -260,6 +261,32 @@ def test_too_little_memory_is_one_line(store: Store, monkeypatch: pytest.MonkeyP
         pytest.raises(QueryError, match=r"needs more memory than .* select fewer rows or columns"),
     ):
         run(opened.connection, "SELECT list(a) FROM range(30000000) AS r(a)")
+
+
+def test_a_question_ends_without_notes_of_files(store: Store) -> None:
+    """Where DuckDB takes them as it closes files that it had put on disk, it ends the process: about every tenth time
+    after too little memory."""
+    takes_notes = []
+
+    class Connection:
+        def __init__(self, true: duckdb.DuckDBPyConnection) -> None:
+            self.true = true
+
+        def __getattr__(self, name: str) -> object:
+            return getattr(self.true, name)
+
+        def note(self) -> None:
+            takes_notes.extend(self.true.execute("SELECT current_setting('enable_logging')").fetchall())
+
+        def close(self) -> None:
+            self.note()
+            self.true.close()
+
+    opened = warehouse.refresh(store)
+    connection = Connection(opened.connection)
+    with replace(opened, connection=connection):  # type: ignore[arg-type]
+        connection.note()
+    assert takes_notes == [(True,), (False,)]
 
 
 def test_a_limit_says_that_there_is_more(connection: duckdb.DuckDBPyConnection) -> None:
