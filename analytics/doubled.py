@@ -1,6 +1,7 @@
 """Which values of `samples` are said a second time: `base.doubled`, as file, record and channel (null: all of them).
 
-Within a file these are records that repeat the stamp of one before. Between files of a session that overlap in time (a
+Within a file these are records that repeat the stamp of one before in their session: specimens of a table have sessions
+of their own. Between files of a session that overlap in time (a
 log that grew and came again, two loggers of one channel) they are values of a channel that another file has at the same
 stamp: the file that begins first counts, of two that begin together the longer one. Files are read only where they
 share a channel, and only where they overlap.
@@ -47,8 +48,8 @@ def find(connection: duckdb.DuckDBPyConnection, schemas: Schemas) -> None:
     """Fill `base.doubled`."""
     for (file,) in connection.execute("SELECT file FROM base.groups WHERE doubled ORDER BY file").fetchall():
         connection.execute(
-            f"INSERT INTO base.doubled SELECT {text(file)}, record, NULL FROM read_parquet({text(file)}) "
-            "QUALIFY row_number() OVER (PARTITION BY t_ns ORDER BY record) > 1"
+            f"INSERT INTO base.doubled SELECT {text(file)}, record, NULL FROM ({_scan(file)}) "
+            f"QUALIFY row_number() OVER (PARTITION BY {name(SESSION)}, t_ns ORDER BY record) > 1"
         )
     for before, file, first_ns, last_ns, shared, own in connection.execute(OVERLAPS).fetchall():
         a, b = _has(schemas[before], "a"), _has(schemas[file], "b")
@@ -59,11 +60,12 @@ def find(connection: duckdb.DuckDBPyConnection, schemas: Schemas) -> None:
             if other in too
         )
         new = " OR ".join(f"{b[column]} AND NOT {too.get(column, 'false')}" for column in own if column in b)
+        within = f"v.t_ns BETWEEN {first_ns} AND {last_ns}"
         if too:
             connection.execute(
                 f"INSERT INTO base.doubled SELECT DISTINCT {text(file)}, b.record, "
                 f"unnest(CASE WHEN {new} THEN list_distinct([{twice}]) ELSE [NULL] END) "
-                f"FROM ({_scan(before, first_ns, last_ns)}) AS a JOIN ({_scan(file, first_ns, last_ns)}) AS b "
+                f"FROM ({_scan(before)} AND {within}) AS a JOIN ({_scan(file)} AND {within}) AS b "
                 f"ON a.{name(SESSION)} = b.{name(SESSION)} AND a.t_ns = b.t_ns"
             )
 
@@ -75,10 +77,10 @@ def _has(columns: Schema, side: str) -> dict[str, str]:
     return {column: f"coalesce(isfinite({side}.{name(called[column])}), false)" for column in numbers}
 
 
-def _scan(file: str, first_ns: int, last_ns: int) -> str:
-    """The rows of a file from one stamp to another, with the session of each."""
+def _scan(file: str) -> str:
+    """The rows of a file that are in a session, with the session of each."""
     return (
         f"SELECT s.session AS {name(SESSION)}, v.* FROM read_parquet({text(file)}) AS v ASOF JOIN "
         f"(SELECT session, first_record, last_record FROM base.segments WHERE file = {text(file)}) AS s "
-        f"ON v.record >= s.first_record WHERE v.record <= s.last_record AND v.t_ns BETWEEN {first_ns} AND {last_ns}"
+        "ON v.record >= s.first_record WHERE v.record <= s.last_record"
     )

@@ -97,6 +97,18 @@ def test_a_value_that_another_file_of_the_session_has_too_is_flagged_in_one_of_t
         assert sorted(one[1:] for one in ask(store, left)) == [("T", 10, 10), ("t", 6, 6)]
 
 
+def test_a_stamp_of_another_specimen_of_the_same_table_doubles_nothing(tmp_path: Path) -> None:
+    bench = ONE_CHANNEL.replace('specimen = "stator-07"', 'specimen_column = "serial"')
+    (tmp_path / "bench.toml").write_text(bench, encoding="utf-8")
+    rows = ["2025-10-09T08:00:00Z,M1,1", "2025-10-09T08:00:00Z,M2,2", "2025-10-09T08:00:00Z,M2,3"]
+    (tmp_path / "checks.csv").write_text("\n".join(["time,serial,T", *rows]) + "\n", encoding="utf-8")
+    logs = [tmp_path / "checks.csv"]
+    with Store.open(tmp_path / "store", create=True) as store:
+        setup = prepare(logs, tmp_path / "bench.toml", [], lambda path: pytest.fail(str(path)))
+        take_in(store, logs, setup, Override())
+        assert ask(store, "SELECT value, doubled FROM samples ORDER BY value") == [(1, False), (2, False), (3, True)]
+
+
 @pytest.mark.parametrize("condition", ["true", "value <= 28", "value < 1e9", "NOT isnan(value)", "value <> 0.5"])
 def test_an_absent_value_has_no_row_whatever_is_asked(shared_store: Store, condition: str) -> None:
     rows = ask(
