@@ -18,17 +18,18 @@ _NOT_DRAFTED = ("counter", "state")  # not needed to replay a motor
 _LISTED = 200  # signals that nothing was guessed for
 
 _SPELT = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss"})
-_PLACE_WORDS = {  # place -> words for it, short ones, German and Italian
-    "coolant": "cool|coolant|kuehl(w|wasser|mittel)?|raffreddamento|refrigerante",
-    "ambient": "amb|umgebung|ambiente",
-    "oven": "ofen|forno",
-    "winding": "wdg|wndg|wickl|wicklung|avv|avvolg|avvolgimento",
-    "magnet": "mag|magnete?n?|magneti",
-    "bearing": "brg|lager|cusc|cuscinetto",
-    "housing": "hsg|gehaeuse|carcassa",
-    "yoke": "joch|giogo",
-    "tooth": "zahn|dente",
+_PLACE_WORDS = {  # place -> words for it, short ones, German, Italian, French and Spanish
+    "coolant": "cool|coolant|kuehl(w|wasser|mittel)?|raffreddamento|refroidissement|refrigerante",
+    "ambient": "amb|umgebung|ambiente|ambiante?",
+    "oven": "ofen|forno|etuve|four|horno",
+    "winding": "wdg|wndg|wickl|wicklung|avv|avvolg|avvolgimento|bobinage|enroulement|bobinado|devanado",
+    "magnet": "mag|magnete?n?|magneti|aimants?|iman(es)?",
+    "bearing": "brg|lager|cusc|cuscinetto|palier|roulement|cojinete|rodamiento",
+    "housing": "hsg|gehaeuse|carcassa|carter|carcasa",
+    "yoke": "joch|giogo|culasse|culata",
+    "tooth": "zahn|dente|dents?|diente",
 }
+_NO_PLACE = "t|tc|tmp|temp(eratur[ae]?)?"  # where a name begins with it, and says the place behind it
 
 _HEAD = """\
 schema = "whyhot.bench/1"
@@ -159,7 +160,7 @@ def _node(name: str) -> str:
     """ "T_EndWinding.A" -> "endwinding_a", "T_Kühlw_ein" -> "coolant_ein": a node name, from the words of a signal."""
     plain = normalize("NFKD", words(normalize("NFC", name)).translate(_SPELT)).encode("ascii", "ignore").decode()
     kept = [word for word in plain.split("_") if word]
-    if len(kept) > 1 and kept[0] in ("t", "tc", "temp", "tmp"):
+    if len(kept) > 1 and re.fullmatch(_NO_PLACE, kept[0]):
         kept = kept[1:]
     node = "_".join(_place_of(word) for word in kept)
     return node if node and node[0].isalpha() else f"node_{node}".rstrip("_")

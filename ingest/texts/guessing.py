@@ -39,7 +39,7 @@ _BY_NAME: Mapping[str, str] = {
     "inception_voltage": "pdiv|inception|einsetzspannung",
     "voltage": "volt|spannung|tensi[oó]n",
     "current": "current|_curr_|strom|corrente|courant|corriente|_i_?rms_|_iph_",
-    "resistance": "resistance|widerstand|resisten[zc]",
+    "resistance": "r[eé]sistance|widerstand|resisten[zc]",
     "polarisation_index": "polari[sz]ation|^_pi_$",
     "tan_delta": "_tan_(delta|δ)_|verlustfaktor|dissipation_factor",
     "dose": "_dos(e|is)_",
@@ -51,7 +51,8 @@ _PLACES = (  # of thermocouples whose column says no more than where they sit; "
     "wind|wdg|slot|yoke|tooth|teeth|stator|rotor|magnet|(?<!_[0-9]{2})_pm_|bearing|housing|ambient|coolant|inlet|outlet|oven|endcap|water"
     "|terminal|wickl|lager|geh(ae|ä)use|k(ue|ü)hl|ofen|umgebung|wasser|avvolg|magnete|cuscinett|acqua|ambiente|forno"
     "|_mag_|_amb_|_brg_|cool|_oil_|joch|zahn|r(ue|ü)cken|_nut_|blechpaket|vorlauf|r(ue|ü)cklauf|_(oe|ö)l_|_avv_|giogo"
-    "|_dente_|_cava_|statore|rotore|carcassa|raffredd|_olio_"
+    "|_dente_|_cava_|statore|rotore|carcassa|raffredd|_olio_|[ée]tuve|bobinage|enroulement|aimant|palier|roulement|culasse"
+    "|_carter_|_dents?_|encoche|refroid|_eau_|_huile_|_horno_|bobinado|devanado|_im[aá]n|rodamiento|cojinete|carcasa|_agua_"
 )
 PER_UNIT = r"^[^/]+/\s?[^/\s]+$"  # `T_EW/°C` and `n / min^-1`, as DIN 1313 writes quantities in tables
 _LOOSELY_SPELT = ("nm", "degc", "degf")  # units at the end of names, in lower case

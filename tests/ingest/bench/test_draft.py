@@ -117,13 +117,35 @@ def test_a_name_of_a_log_cannot_leave_its_comment() -> None:
         ("Umgebung", "ambient"),
         ("T avvolgimento 2", "winding_2"),
         ("Gehäuse", "housing"),
+        ("Étuve 1", "oven_1"),
+        ("Bobinage_U", "winding_u"),
+        ("Température ambiante", "ambient"),
+        ("Temperatur Wicklung", "winding"),
+        ("Palier AR", "bearing_ar"),
+        ("Imán", "magnet"),
     ],
 )
 def test_a_drafted_node_keeps_umlauts_and_knows_what_places_are_called(name: str, node: str) -> None:
     assert f'node = "{node}"\n' in draft_bench([Signal(name, unit="°C")], {}, "a.csv")
 
 
-@pytest.mark.parametrize("name", ["Kühl_ein", "T_mag", "wdg_2", "cool_out", "Rücklauf", "Joch", "dente_3"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "Aimant",
+        "Palier",
+        "Kühl_ein",
+        "T_mag",
+        "wdg_2",
+        "cool_out",
+        "Rücklauf",
+        "Joch",
+        "dente_3",
+        "Étuve",
+        "Bobinage 2",
+        "Culasse",
+    ],
+)
 def test_a_place_without_a_unit_is_a_temperature(name: str) -> None:
     assert 'quantity = "temperature"' in draft_bench([Signal(name)], {}, "a.csv")
 
