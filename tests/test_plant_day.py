@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import runpy
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +38,12 @@ def test_a_day_is_run_and_logged_as_it_is_set(tmp_path: Path) -> None:
     log = bench.run(file, Plant(11), tmp_path / "logs")
     assert log.name == f"{bench.AFTER + 1}_day.blf"
     assert log.stat().st_size > 10_000
+
+
+def test_a_bench_day_without_arguments_says_how_it_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.argv", ["plant"])
+    with pytest.raises(SystemExit, match=r"day\.csv SEED FOLDER"):
+        runpy.run_path(str(bench.__file__), run_name="__main__")
 
 
 def test_a_file_that_sets_no_load_is_refused(tmp_path: Path) -> None:

@@ -17,6 +17,8 @@ def run(file: Path, plant: Plant, folder: Path, number: int = AFTER) -> Path:
 
 
 if __name__ == "__main__":
+    if len(sys.argv) not in (4, 6):
+        sys.exit(__doc__)
     csv, seed, target, *hidden = sys.argv[1:]
     effects = [Effect(hidden[0], float(hidden[1]))] if hidden else []
     print(run(Path(csv), Plant(int(seed), *effects), Path(target)))
