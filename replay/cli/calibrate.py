@@ -9,6 +9,10 @@ from replay.cli.asked import ask_level, ask_model, ask_sessions, asked
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.epilog = (
+        "Sessions kept aside to measure the new model on: leave them out of --on, and replay them with --model; "
+        "whyhot diagnose --hold-out does both."
+    )
     ask_sessions(parser, "ids or names of sessions to learn from")
     ask_model(parser)
     ask_level(parser)
