@@ -36,7 +36,13 @@ schema = "whyhot.bench/1"
 # Draft for {name}: quantities, units and nodes are guessed from names and units. \
 Read every line, above all those marked CHECK.
 # motor = "motor.toml"         # needed to replay; its nodes and boundaries are then the names to use below
-# specimen = "motor-01"
+"""
+_ONE_SPECIMEN = '# specimen = "motor-01"\n'
+_LABELLED = "{key} = {column}  # CHECK: each row is of the {what} that stands in this column\n"
+_DAYS = """
+# {why}
+[time]
+column = {column}  # CHECK: its days are the stamps
 """
 _NO_TIME = """
 # {why}
@@ -62,7 +68,8 @@ def draft_bench(
     `at_once`: signals that are recorded together, by logger; of others, two of a quantity are no rivals. Without it all
     are.
 
-    Where `settings` say why a log is `untimed`, `[time]` is there to be filled in.
+    `settings`: `untimed`, why a log has no time: `[time]` is there to be filled in, or names the column of `days`;
+    `labels`, the columns of a table that tell "specimen" and "batch" of each row.
     """
     directory = Directory(signals)
     found = {reference: signal for signal in signals if (reference := _reference(signal, directory))}
@@ -71,14 +78,30 @@ def draft_bench(
     inputs = [reference for reference, quantity in known.items() if quantity != "temperature"]
     places = [reference for reference, quantity in known.items() if quantity == "temperature"]
     rivals = _rivals({found[one]: str(quantity) for one, quantity in known.items()}, at_once or [signals])
-    why = settings.get("untimed")
-    parts = [_HEAD.format(name=_comment(name)), _NO_TIME.format(why=_comment(why)) if why else ""]
+    parts = [_HEAD.format(name=_comment(name)), *_labelled(settings.get("labels", {})), _untimed(settings)]
     parts += [_entry(found[one], one, str(known[one]), found[one] in rivals) for one in inputs]
     parts += [_phase_current(found, known, directory)]
     parts += [_NODES if places else ""]
     parts += [_entry(found[one], one, "temperature", False) for one in places]
-    left = [signal for reference, signal in found.items() if reference not in known]
+    said = (*settings.get("labels", {}).values(), settings.get("days"))
+    left = [one for reference, one in found.items() if reference not in known and (one.message or one.name not in said)]
     return "".join([*parts, *_rest(left)])
+
+
+def _labelled(labels: Mapping[str, str]) -> Iterator[str]:
+    """The lines that say which specimen, and of which batch, the logs are of: by columns of theirs, where these do."""
+    if "specimen" not in labels:
+        yield _ONE_SPECIMEN
+    for what, column in labels.items():
+        yield _LABELLED.format(key=f"{what}_column", column=_text(column), what=what)
+
+
+def _untimed(settings: Mapping[str, Any]) -> str:
+    """`[time]`, where nothing says the times of a log."""
+    why, days = settings.get("untimed"), settings.get("days")
+    if days:
+        return _DAYS.format(why=_comment(str(why)), column=_text(days))
+    return _NO_TIME.format(why=_comment(why)) if why else ""
 
 
 def _rivals(known: Mapping[Signal, str], at_once: Sequence[Collection[Signal]]) -> set[Signal]:

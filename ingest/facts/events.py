@@ -133,7 +133,7 @@ class SessionRegrouped(Event):
 class QualityFlagged(Event):
     """`session-<id>` or `file-<sha256>`: something a person should look at, found at ingest."""
 
-    flag: str  # same_name_other_bytes | overlap | held | stuck | saturated | gap | sheets_unread | numbers_as_text
+    flag: str  # same_name_other_bytes | overlap | held | stuck | gap | sheets_unread | several_specimens ...
     says: str
     detail: dict[str, Any] = field(default_factory=dict)
 

@@ -164,9 +164,11 @@ def _found(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
     seen = next((cell for name in texts for cell in _cells(dialect, name) if cell not in MISSING), None)
     holds = f' ("{texts[0]}" holds "{seen[:40]}", which is no whole stamp)' if seen is not None else ""
     instead = f"{way} Or under" if (way := way_out(dialect)) else "Under"
+    days = next((name for name in dialect.names if _of_cells(time, _known(time, DAYS), (name,), dialect)), None)
+    column = f'column = "{days}" (its days)' if days else 'column = "..." with format or unit'
     raise UnreadableLogError(
         f"{log}: no column is recognised as its time{holds}. {instead} [time] of the bench file say rate_hz = 1.0 "
-        '(rows at a fixed rate), or column = "..." with format or unit.'
+        f"(rows at a fixed rate), or {column}."
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,12 +17,13 @@ from ingest.errors import UnreadableLogError
 from ingest.facts.durable import scratch
 from ingest.formats import Rows, TimeSpec, recognise
 from ingest.intake.setup import Setup, refuse_missing, signals_in
-from ingest.log import clock, stamps
+from ingest.log import clock, specimens, stamps
 from ingest.log.databases import Database, load, merged
 from ingest.log.j1939 import explained
 from ingest.log.reading import LogReading, Reader
 from ingest.log.recording import identifier_in, identifiers, read
-from ingest.texts.guessing import guess, unit_in_name
+from ingest.log.specimens import Specimens
+from ingest.texts.guessing import guess, labels, says_days, unit_in_name
 
 NAMED = 3  # logs in the first comment of a draft; more are counted
 
@@ -40,7 +41,8 @@ class FoundSignal:
 @dataclass(frozen=True)
 class InspectedFile:
     """One file. `reading` None where nothing can be read, `why` then says it; `ranges`: column -> (least, greatest);
-    `stamps`: what is wrong with them, a line each."""
+    `stamps`: what is wrong with them, a line each; `days`: the column whose days are its times, which no bench file
+    says."""
 
     path: Path
     reading: LogReading | None
@@ -48,6 +50,7 @@ class InspectedFile:
     note: str | None
     ranges: dict[str, tuple[float, float]]
     stamps: tuple[str, ...] = ()
+    days: str | None = None
 
 
 @dataclass(frozen=True)
@@ -110,38 +113,56 @@ def _overlap(one: LogReading, other: LogReading) -> bool:
 
 def draft(found: Inspection) -> str:
     """A bench file for these logs, to be completed by a person."""
-    settings = next((one.reading.settings for one in found.files if one.reading), {})
-    untimed = next((one.note for one in found.files if one.note), None)
+    untimed = next((one for one in found.files if one.note), None)
     logs = [one.path.name for one in found.files if one.reading]
     name = ", ".join(logs) if len(logs) <= NAMED else f"{len(logs)} logs"
-    return draft_bench([seen.signal for seen in found.signals], {**settings, "untimed": untimed}, name, found.at_once)
+    tables = [one.reading.columns for one in found.files if one.reading]
+    settings = {"labels": labels([name for name in tables[0] if all(name in one for one in tables)] if tables else ())}
+    settings |= {"untimed": untimed.note, "days": untimed.days} if untimed else {}
+    return draft_bench([seen.signal for seen in found.signals], settings, name, found.at_once)
 
 
 def _look(reader: Reader, path: Path, folder: Path, said: Setup | None) -> InspectedFile:
-    recording = folder / "preview.mcap"
+    recording, note, days = folder / "preview.mcap", None, None
     try:
-        reading, note = reader.record(path, recording, said.time(recognise(path)) if said else None), None
+        reading = reader.record(path, recording, said.time(recognise(path)) if said else None)
     except UnreadableLogError as error:
         if said:
             return InspectedFile(path, None, str(error), None, {})
         try:  # a table without a time column can be looked at all the same
-            reading = reader.record(path, recording, TimeSpec(rate_hz=1.0))
+            reading, days = _untimed(reader, path, recording)
         except UnreadableLogError:
             return InspectedFile(path, None, str(error), None, {})
-        note = f"{str(error).removeprefix(f'{path.name}: ')} Looked at as one row a second."
-    faults = stamps.look(recording)
+        way = f'the days in "{days}"' if days else "one row a second"
+        note = f"{str(error).removeprefix(f'{path.name}: ')} Looked at as {way}."
+    faults, parts = stamps.look(recording), Specimens(said.bench if said else None, reading.columns)
+    spans = _ranges(recording, parts)
     if faults.span_ns:  # less the stamps that are far off all others
         reading = replace(reading, start_ns=faults.span_ns[0], end_ns=faults.span_ns[1])
-    flags = clock.findings(path.name, faults.counted(), reading.absolute)
+    flags = clock.findings(path.name, parts.within(faults).counted(), reading.absolute)
+    flags += specimens.findings(path.name, parts.unsaid())
     said_of = tuple(flag.says.removeprefix(f"{path.name}: ") for flag in flags)
-    return InspectedFile(path, reading, None, note, _ranges(recording), said_of)
+    return InspectedFile(path, reading, None, note, spans, said_of, days)
 
 
-def _ranges(recording: Path) -> dict[str, tuple[float, float]]:
+def _untimed(reader: Reader, path: Path, recording: Path) -> tuple[LogReading, str | None]:
+    """A table whose times nothing says, by the days in a column that is called so, else as one row a second; and that
+    column. Raises UnreadableLogError."""
+    reading = reader.record(path, recording, TimeSpec(rate_hz=1.0))
+    for column in filter(says_days, reading.columns):
+        with suppress(UnreadableLogError):
+            return reader.record(path, recording, TimeSpec(column=column)), column
+        reading = reader.record(path, recording, TimeSpec(rate_hz=1.0))  # what failed left nothing
+    return reading, None
+
+
+def _ranges(recording: Path, parts: Specimens) -> dict[str, tuple[float, float]]:
+    """The least and the greatest value of each column of numbers; `parts` is told of all rows."""
     spans: dict[str, tuple[float, float]] = {}
     for _, batch in read(recording):
         if not isinstance(batch, Rows):
             return {}
+        parts.add(batch)
         numbers = {n: v for n, v in batch.columns.items() if v.dtype == np.float64 and np.isfinite(v).any()}
         _widen(spans, {name: (float(np.nanmin(v)), float(np.nanmax(v))) for name, v in numbers.items()})
     return spans

@@ -23,9 +23,8 @@ from ingest.formats import recognise
 from ingest.intake.grouping import group_files
 from ingest.intake.making import LogFile, ReadLog, decode_logs, made_in, read_logs
 from ingest.intake.setup import Setup, keep_setup, kept_name, mend_setup, resolved
-from ingest.log import clock, j1939, unread
+from ingest.log import clock, j1939, specimens, unread
 from ingest.log.decode import newer
-from ingest.log.specimens import Specimens
 from ingest.units.each import Workers
 
 
@@ -94,7 +93,7 @@ def take_in(
         read = [(one.log.raw, one.reading, kept_name(one.log.path)) for one in fresh if one.reading]
         for _, reading, _ in read:
             if reading.holds == "rows":
-                Specimens(setup.bench, reading.columns)  # a column that is not there is refused here
+                specimens.Specimens(setup.bench, reading.columns)  # a column that is not there is refused here
         specs = resolved(setup, [reading for _, reading, _ in read], [name for *_, name in read], known)
         channels = dict(zip([raw for raw, *_ in read], specs, strict=True))
         again = _again(known, found)
@@ -168,6 +167,7 @@ def _keep(store: Store, known: Facts, one: ReadLog, decode: DecodeCompleted, wor
         *clock.findings(name, decode.settings.get("clock", {}), decode.absolute),
         *j1939.findings(name, decode.settings),
         *unread.findings(name, decode.settings),
+        *specimens.findings(name, decode.settings),
     ]
 
     def record() -> None:

@@ -36,7 +36,7 @@ from ingest.log.samples import GroupWriter, Samples
 from ingest.log.specimens import Specimens
 from ingest.log.transport import Unpacked
 
-DECODER = "whyhot-decoder/9"
+DECODER = "whyhot-decoder/10"
 RECORDING = "recording.mcap"
 WAITING_VALUES = 16_000_000  # of all groups that wait for their row group: 128 MB
 WRITERS = 2  # threads that write or hash the files of the groups, each file by one of them at a time
@@ -85,7 +85,8 @@ def decode_file(
     texts = _texts(path, reading) if reading.holds == "rows" else set()
     means = explained(messages, {can_id for _, can_id in identifiers(reading)})
     groups = groups_of(reading, means)
-    said = {"databases": notes, "missing": plan(groups, channels, bench, texts), "changes": _changes(bench, reading)}
+    said: dict[str, Any] = {"databases": notes, "missing": plan(groups, channels, bench, texts)}
+    said["changes"] = _changes(bench, reading)
     said["times"] = [times_of(reading, bench)]
     specimens = Specimens(bench, reading.columns)
     faults = stamps.look(path) if _is_long(reading) else None  # only in such a log can a stamp be far off
@@ -101,6 +102,7 @@ def decode_file(
         products = dict(zip(files, pool.map(sha256_of, [folder / name for name in files]), strict=True))
     if faults is None:
         faults = clock.StampFaults() if work.watch.rises else stamps.look(path)
+    said |= specimens.unsaid()
     return DecodeCompleted(
         **identity(raw, databases, bench, model),
         **_outcome(reading, path, work.account, sum(rows.values()), said, specimens.within(faults), written),
@@ -140,7 +142,7 @@ def _outcome(
     path: Path,
     account: Account,
     decoded: int,
-    said: Mapping[str, list[str]],
+    said: Mapping[str, Any],
     faults: clock.StampFaults,
     written: Sequence[SignalGroup],
 ) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from ingest.texts.units import normal_unit, spellings, tidy, without_mark
 
@@ -58,6 +58,14 @@ PER_UNIT = r"^[^/]+/\s?[^/\s]+$"  # `T_EW/°C` and `n / min^-1`, as DIN 1313 wri
 _LOOSELY_SPELT = ("nm", "degc", "degf")  # units at the end of names, in lower case
 _NO_TEMPERATURE = "pos_|position|angle|winkel|press|druck|level|humid"
 _NUMBER = r"\bn\s?[°º]|serial|série|serien-?(nr|nummer)"  # of a part: what its digits look like means nothing
+_NUMBERED = "_(id|no|nr|num|number|name|nummer)_"
+_LABELS: Mapping[str, str] = {  # what tells parts or batches apart -> how its columns are called
+    "specimen": "specimen|_serial(_|number)|_seri(al|en)_?(no|nr|num)|_s_n_|_sn_|_dut_|_uut_|pr(ue|ü)f(ling|teil)"
+    f"|_(motor|stator|rotor|coil|spule|probe|muster){_NUMBERED}|_sample_(id|name)_|matricola|provino"
+    "|(num[ée]ro|_n)_(de_)?s[ée]rie|[ée]prouvette|[ée]chantillon|probeta",
+    "batch": "_batch_|_lot_|_lotto_|_lote_|_los_|_charge_?(id|no|nr|nummer)?_",
+}
+_DAYS = "_(date|datum|day|tag|data|fecha|jour)_"
 _COMMAND = "_(ref|cmd|command|set|setpoint|req|request|demand|target|desired)_|soll"
 
 
@@ -79,6 +87,17 @@ def guess(signal: str, unit: str | None = None) -> str | None:
     if by_name in _BY_NAME_ALONE:
         return by_name
     return _commanded(_refined(quantity, name, known or ""), name)
+
+
+def labels(columns: Sequence[str]) -> dict[str, str]:
+    """ "specimen", "batch" -> the first of the columns of a table whose name says that it tells those apart."""
+    called = {what: [one for one in columns if re.search(looks, words(one))] for what, looks in _LABELS.items()}
+    return {what: some[0] for what, some in called.items() if some}
+
+
+def says_days(column: str) -> bool:
+    """Whether a column is called as one of dates is."""
+    return bool(re.search(_DAYS, words(column)))
 
 
 def unit_in_name(signal: str) -> str | None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from ingest.bench.bench_file import read_bench
 from ingest.intake.inspection import draft, inspect
 
 HEAD = "date Sam Sep 30 15:06:13.191 2017\nbase hex  timestamps absolute\n"
@@ -76,3 +77,43 @@ def test_dates_of_either_order_are_asked_for_in_words_and_in_the_draft(tmp_path:
     asked = 'say format = "%d/%m/%Y %I:%M %p" or format = "%m/%d/%Y %I:%M %p".'
     assert found.files[0].note and found.files[0].note.endswith(f"{asked} Looked at as one row a second.")
     assert f"{asked} Looked at as one row a second.\n[time]\nrate_hz = 1.0" in draft(found)
+
+
+CHECKS = """\
+Date;{label};Charge;IR 1min [MΩ];PI
+12.03.2025;SN-001;B7;1200;3,0
+12.03.2025;SN-002;B7;1100;2,8
+13.03.2025;SN-001;B7;1150;2,9
+"""
+
+
+@pytest.mark.parametrize("label", ["Serial No.", "Prüfling", "N° de série", "S/N", "Motor ID", "specimen"])
+def test_a_table_of_checks_is_drafted_with_the_columns_that_tell_specimens_batches_and_days(
+    tmp_path: Path, label: str
+) -> None:
+    path = tmp_path / "checks.csv"
+    path.write_text(CHECKS.format(label=label), encoding="utf-8")
+    found = inspect([path], [], None)
+    bench = read_bench(draft(found).encode(), "draft.toml")
+    assert (bench.specimen_column, bench.batch_column, bench.time.column) == (label, "Charge", "Date")
+    assert "Nothing was guessed for" not in draft(found)
+    says = 'rows of 2 specimens, taken as one: say specimen_column = "{}" above the first [table] of a bench file'
+    assert found.files[0].stamps == (says.format(label),)
+    assert found.files[0].note and found.files[0].note.endswith(
+        'column = "Date" (its days). Looked at as the days in "Date".'
+    )
+    (tmp_path / "bench.toml").write_text(draft(found), encoding="utf-8")
+    (again,) = inspect([path], [], tmp_path / "bench.toml").files
+    assert (again.stamps, again.reading and again.reading.found) == ((), 3)
+
+
+def test_numbers_of_rows_are_no_specimens(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("time,serial,T\n0,1,20\n1,2,21\n1,3,21\n", encoding="utf-8")
+    (file,) = inspect([path], [], None).files
+    assert file.stamps == ("1 record with the stamp of another one and other values",)
+
+
+def test_only_columns_that_all_logs_have_are_drafted_as_those_of_specimens(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("time,specimen,T\n0,A,20\n1,B,21\n", encoding="utf-8")
+    assert "specimen_column" not in draft(inspect([tmp_path / "a.csv", csv(tmp_path / "b.csv", 1.0, 2.0)], [], None))

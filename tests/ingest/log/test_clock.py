@@ -174,3 +174,17 @@ def test_a_table_with_a_row_a_check_has_no_strays(tmp_path: Path, capsys: Captur
     checks = [(86_400.0 * 40 * i, 20.0) for i in range(12)]
     assert said(tmp_path, capsys, "csv", checks) == []
     assert rows(tmp_path, capsys, "SELECT decoded FROM files") == [{"decoded": 12}]
+
+
+def test_specimens_that_no_bench_file_tells_apart_are_said_and_not_taken_for_a_fault_of_the_clock(
+    tmp_path: Path, capsys: Capture
+) -> None:
+    log, store = tmp_path / "checks.csv", ["--store", str(tmp_path / "store")]
+    log.write_text("time,specimen,R_iso [GOhm]\n9,M1,1.2\n9,M2,1.1\n9,M3,1.2\n30,M1,1.1\n", encoding="utf-8")
+    line = 'say specimen_column = "specimen" above the first [table] of a bench file'
+    says = f"checks.csv: rows of 3 specimens, taken as one: {line}"
+    taken = answer(capsys, "ingest", str(log), *store)
+    assert [flag["says"] for flag in taken["flags"] if flag["flag"] != "gap"] == [says]
+    assert says in answer(capsys, "show", "checks", *store)["findings"]
+    (tmp_path / "bench.toml").write_text('schema = "whyhot.bench/1"\nspecimen_column = "specimen"\n', encoding="utf-8")
+    assert answer(capsys, "ingest", str(log), "--bench", str(tmp_path / "bench.toml"), *store)["flags"] == []
