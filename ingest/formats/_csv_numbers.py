@@ -12,15 +12,20 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-NOTHING = ("", "nan", "NaN", "NAN", "NA", "N/A", "n/a", "null", "NULL", "None", "BURNOUT", "Burnout")
-OVER_RANGE = ("OL", "O.L", "OVER", "OVLD", "OVERFLOW", "nan", "inf", "Inf", "INF", "1.#INF", "1.#QNAN", "1.#IND")
-BROKEN = ("OPEN", "Open", "INVALID", "Invalid", "Error", "unavailable", "#OVL")
+NOTHING = ("", "nan", "NaN", "NAN", "NA", "N/A", "n/a", "null", "NULL", "None", "NoValue")
+OVER_RANGE = ("OL", "O.L", "OVER", "OVLD", "nan", "inf", "Inf", "INF", "∞", "1.#INF", "1.#QNAN", "1.#IND")
+BROKEN = ("OPEN", "Open", "INVALID", "Invalid", "Error", "unavailable", "#OVL", "OTC", "---O-F---", "---O-L---")
+FAULTS = (  # in any of three spellings: "over range", "Over range", "OVER RANGE"
+    *("overflow", "underflow", "overload", "over range", "overrange", "under range", "underrange", "burnout"),
+    *("burn out", "open circuit", "short circuit", "sensor break", "no value", "no data", "no signal"),
+)
 FAILED = ("Bad Input", "#N/A", "#NV", "#DIV/0!", "#VALUE!", "#WERT!", "#NUM!", "#ZAHL!")
 MISSING = frozenset(
     (
         *NOTHING,
         *FAILED,
         *BROKEN,
+        *(spelt for words in FAULTS for spelt in (words, words.capitalize(), words.upper())),
         *(sign + word for word in OVER_RANGE for sign in ("", "+", "-")),
         *(sign * count for sign in "-+*?#" for count in range(1, 13)),
         *("-" * before + "." + "-" * behind for before in range(1, 5) for behind in range(1, 5)),

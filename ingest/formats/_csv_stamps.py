@@ -20,19 +20,23 @@ from ingest.formats import YEARS
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-MONTHS = {name: number for number, names in enumerate(  # first three letters, English, German and Italian
-    ("jan jän gen", "feb", "mar mär mrz mae", "apr", "may mai mag", "jun giu", "jul lug", "aug ago", "sep set",
-     "oct okt ott", "nov", "dec dez dic"), 1
+MONTHS = {name: number for number, names in enumerate(  # first three letters, of juillet four, in five languages
+    ("jan jän gen ene", "feb fév fev", "mar mär mrz mae", "apr avr abr", "may mai mag", "jun jui giu", "jul juil lug",
+     "aug aoû aou ago", "sep set", "oct okt ott", "nov", "dec déc dez dic"), 1
 ) for name in names.split()}  # fmt: skip
-NAME = r"[A-Za-zÀ-ɏ]"  # a letter of a month's name: RE2 has no \w for letters beyond ASCII
+LETTER = r"[A-Za-zÀ-ɏ]"  # of a month's name: RE2 has no \w for letters beyond ASCII
+MONTH = rf"(?P<b>[Jj][Uu][Ii][Ll]|{LETTER}{{3}})"
+BLANK = "[\\s\u00a0\u202f]"  # RE2's \s are those of ASCII; browsers write a narrow no-break one before PM
+ZONES = {"Z": 0, "UTC": 0, "GMT": 0, "CET": 1, "MEZ": 1, "CEST": 2, "MESZ": 2}  # hours before UTC
+ZONE = rf"(?P<z>(?:UTC|GMT)?[+-]\d{{1,2}}(?::?\d{{2}})?|{'|'.join(sorted(ZONES, key=len, reverse=True))})"
 DIRECTIVES = {
     "Y": r"(?P<Y>\d{4})", "y": r"(?P<y>\d{2})", "m": r"(?P<m>\d{1,2})", "d": r"(?P<d>\d{1,2})", "H": r"(?P<H>\d{1,2})",
     "I": r"(?P<I>\d{1,2})", "M": r"(?P<M>\d{1,2})", "S": r"(?P<S>\d{1,2})", "f": r"(?P<f>\d{1,9})",
-    "p": r"(?P<p>[AaPp][Mm])", "z": r"(?P<z>Z|[+-]\d{2}:?\d{2})", "b": rf"(?P<b>{NAME}{{3}})",
-    "B": rf"(?P<b>{NAME}{{3}}){NAME}*", "%": "%",
+    "p": r"(?P<p>[AaPp]\.?\s?[Mm]\.?)", "z": ZONE, "b": MONTH, "B": rf"{MONTH}{LETTER}*", "%": "%",
 }  # fmt: skip
-CLOCK = r"(?P<H>\d{1,2})[:.](?P<M>\d{2})(?:[:.](?P<S>\d{2})(?:[.,:](?P<f>\d{1,9})\d*)?)?(?:\s?(?P<p>[AaPp][Mm]))?"
-GAP = r"(?:T|,?\s{1,3})"  # between date and time of day
+HALF = rf"(?:{BLANK}?{DIRECTIVES['p']})?"
+CLOCK = rf"(?P<H>\d{{1,2}})[:.](?P<M>\d{{2}})(?:[:.](?P<S>\d{{2}})(?:[.,:](?P<f>\d{{1,9}})\d*)?)?{HALF}"
+GAP = rf"(?:T|,?{BLANK}{{1,3}})"  # between date and time of day
 YEAR = r"(?:(?P<Y>\d{4})|(?P<y>\d{2}))"
 DAY_FIRST, MONTH_FIRST = "day/month/year", "month/day/year"  # one cell seldom tells them apart
 DATES = {
@@ -40,10 +44,11 @@ DATES = {
     "year/month/day": r"(?P<Y>\d{4})[/.](?P<m>\d{1,2})[/.](?P<d>\d{1,2})",
     "day.month.year": rf"(?P<d>\d{{1,2}})\.(?P<m>\d{{1,2}})\.{YEAR}",
     DAY_FIRST: rf"(?P<d>\d{{1,2}})[/-](?P<m>\d{{1,2}})[/-]{YEAR}",
-    "day month year": rf"(?P<d>\d{{1,2}})[-./ ]{{1,2}}(?P<b>{NAME}{{3}}){NAME}*[-./ ]{{1,2}}{YEAR}",
+    "day month year": rf"(?P<d>\d{{1,2}})[-./ ]{{1,2}}{MONTH}{LETTER}*[-./ ]{{1,2}}{YEAR}",
+    "'year-month-day": r"'(?P<y>\d{2})[-/](?P<m>\d{1,2})[-/](?P<d>\d{1,2})",
 }
-OFFSET = r"\s?(?P<z>Z|[+-]\d{2}:?\d{2})?"
-KNOWN = {says: rf"^{date}{GAP}{CLOCK}{OFFSET if says == 'ISO 8601' else ''}$" for says, date in DATES.items()}
+OFFSET = rf"\s?{ZONE}?"
+KNOWN = {says: rf"^{date}{GAP}{CLOCK}{OFFSET}$" for says, date in DATES.items()}
 BASIC = r"(?P<Y>\d{4})(?P<m>\d{2})(?P<d>\d{2})[T _-]?(?P<H>\d{2})(?P<M>\d{2})(?P<S>\d{2})(?:[.,](?P<f>\d{1,9})\d*)?"
 KNOWN["ISO 8601 without its signs"] = f"^{BASIC}{OFFSET}$"
 # a stamp that is a number as well
@@ -101,7 +106,7 @@ def both_formats(cell: str) -> tuple[str, str]:
     one such as 25/03/17 with the day and with the year first."""
     match = re.match(KNOWN[DAY_FIRST], cell)
     assert match
-    places = [(name, match.span(name)) for name in "YyHMSfp" if match[name]]
+    places = [(name, match.span(name)) for name in "YyHMSfpz" if match[name]]
     form = cell
     for name, (begin, end) in sorted(places, key=lambda place: place[1], reverse=True):
         form = f"{form[:begin]}%{'I' if name == 'H' and match['p'] else name}{form[end:]}"
@@ -221,14 +226,14 @@ def _wall_ns(fields: dict[str, pa.Array], count: int) -> tuple[Ints, Flags]:
 
 
 def _of_half(hour: Ints, half: pa.Array) -> Ints:
-    """The hour of the day, by "am" or "pm" where `half` says one; 24, which is none, for 13 pm."""
-    said, pm = (flags.to_numpy(zero_copy_only=False) for flags in (pc.not_equal(half, ""), pc.equal(half, "pm")))
+    """The hour of the day, by "am", "pm" or "p. m." where `half` says one; 24, which is none, for 13 pm."""
+    said, pm = (flags.to_numpy(zero_copy_only=False) for flags in (pc.not_equal(half, ""), pc.starts_with(half, "p")))
     return np.where(said, np.where(hour > 12, 24, hour % 12 + 12 * pm), hour)
 
 
 def _month(names: pa.Array) -> Ints:
     """The month of its name, 1 to 12; 0 for what is no month's name."""
-    place = pc.index_in(pc.utf8_slice_codeunits(pc.utf8_lower(names), 0, 3), pa.array(list(MONTHS)))
+    place = pc.index_in(pc.utf8_lower(names), pa.array(list(MONTHS)))
     numbers = np.array([0, *MONTHS.values()])
     return np.asarray(numbers[np.asarray(pc.fill_null(place, -1).to_numpy()) + 1], np.int64)
 
@@ -253,7 +258,8 @@ def _utc(wall_ns: Ints, zones: pa.Array | None, clock: LocalClock) -> tuple[Ints
 
 
 def _offset_ns(text: str) -> int:
-    if text in ("", "Z"):
-        return 0
-    minutes = int(text[1:3]) * 60 + int(text[-2:])
-    return (-minutes if text[0] == "-" else minutes) * MINUTE_NS
+    """By how much a zone is before UTC: `+01`, `+0530`, `UTC+5:30`, `CET`; 0 where it is none."""
+    if not text or text in ZONES:
+        return ZONES.get(text, 0) * 60 * MINUTE_NS
+    sign, hours, minutes = re.fullmatch(r"\D*([+-])(\d{1,2}):?(\d{2})?", text).groups()  # type: ignore[union-attr]
+    return int(f"{sign}1") * (int(hours) * 60 + int(minutes or 0)) * MINUTE_NS

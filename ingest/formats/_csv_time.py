@@ -23,6 +23,7 @@ from ingest.formats._csv_clocks import (
     OfDay,
     Rate,
     Serial,
+    SerialOfTwo,
     Stamped,
     carried,
     seconds_of_day,
@@ -66,6 +67,13 @@ TIME_NAMES = frozenset(
         "tempo",
         "dataora",
         "dataeora",
+        "temps",
+        "heure",
+        "horodatage",
+        "dateheure",
+        "tiempo",
+        "hora",
+        "fechahora",
     )
 )
 X_NAMES = frozenset(("x", "xaxis", "xachse", "xvalue", "xvalues", "xwert", "xwerte"))
@@ -76,7 +84,7 @@ RATED = re.compile(  # what a line above a table says of its rows
     r"|abtastzeit|delta[ _]t|dt)\W+(?P<value>[\d.,]+(?:e[+-]?\d+)?)\W*(?P<unit>k?hz|[nuµm]?s|sec|min)?\W*"
 )
 PER_S = {"hz": 1.0, "khz": 1e3}
-DATE_WORDS = frozenset(("date", "datetime", "datum", "data"))
+DATE_WORDS = frozenset(("date", "datetime", "datum", "data", "fecha"))
 PARTS_OF_SECOND = dict.fromkeys(("ms", "msec", "millisecond", "milliseconds", "millisekunde", "millisekunden"), 3)
 PARTS_OF_SECOND |= dict.fromkeys(("us", "µs", "μs", "usec", "microsecond", "microseconds", "mikrosekunden"), 6)
 SERIAL_D, SERIAL_NS = (36526.0, 73050.0), utc_ns(EPOCH.replace(year=1899, month=12, day=30))  # days of 2000 to 2099
@@ -139,6 +147,8 @@ def _found(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
             return _stated(time, column, dialect, log)
         if clock := _of_two(time, {f"{time.format} in {time.zone}": pattern}, dialect):
             return clock
+    if two := _serial_of_two(time, named, dialect):
+        return two
     clocks = [clock for column in named if (clock := _of_named(time, column, dialect))]
     if clocks:
         dated = next((clock for clock in clocks if clock.absolute), None) or _of_two(time, _known(time), dialect)
@@ -248,8 +258,8 @@ def _time_cells(clock: Clock, dialect: Dialect) -> NDArray[Any]:
     """The cells of a clock's column in the sample, as it wants them."""
     if clock.is_text:
         return clock.cells([np.array(_cells(dialect, name), object) for name in clock.columns])
-    cells = _cells(dialect, clock.columns[0])
-    return np.array([np.nan if (one := dialect.numerals.value(cell)) is None else one for cell in cells])
+    values = ([dialect.numerals.value(cell) for cell in _cells(dialect, name)] for name in clock.columns)
+    return clock.cells([np.array([np.nan if one is None else one for one in column]) for column in values])
 
 
 def _by_content(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
@@ -298,6 +308,22 @@ def _serial(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
     return Serial(
         says=says, absolute=True, columns=(column,), unit_ns=DAY_NS, origin_ns=SERIAL_NS, step_ns=1000, local=local
     )
+
+
+def _serial_of_two(time: TimeSpec, named: Sequence[str], dialect: Dialect) -> Clock | None:
+    """The clock of dates and times of day as spreadsheets store them, in two columns: whole days, and parts of one."""
+    dates = [name for name in dialect.names if is_date_name(name) and _is_number(dialect, name)]
+    for date in dates:
+        for part in (name for name in named if name not in dates and _is_number(dialect, name)):
+            days, parts = np.array(_numbers(dialect, date)), np.array(_numbers(dialect, part))
+            whole = (days >= SERIAL_D[0]) & (days < SERIAL_D[1]) & (days % 1 == 0)
+            if len(days) and whole.all() and len(parts) and ((parts >= 0) & (parts < 1)).all():
+                says, local = f"days since 1899-12-30 in {time.zone}", LocalClock(time.local)
+                columns, unit_ns = (date, part), float(DAY_NS)
+                return SerialOfTwo(
+                    says=says, absolute=True, columns=columns, unit_ns=unit_ns, origin_ns=SERIAL_NS, local=local
+                )
+    return None
 
 
 def _of_dates(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:

@@ -38,7 +38,7 @@ from ingest.formats._csv_dialect import (
     recognise_dialect,
 )
 from ingest.formats._csv_lines import SHOWN, LineReader, Lines
-from ingest.formats._csv_numbers import MISSING
+from ingest.formats._csv_numbers import MISSING, OTHER, Numerals
 from ingest.formats._csv_series import TimedColumns, series_of
 from ingest.formats._csv_tables import BELOW, first_table, is_header
 from ingest.formats._csv_time import recognise_clock, times_of
@@ -49,6 +49,7 @@ NUMBER_AND_UNIT = re.compile(r"[+-]?\d[\d.,]* ?[^\W\d]{1,4}|[+-]?\d[\d.,]* [^\s\
 RUNTIME = ('"$RT_', "$RT_")  # marks of Siemens' operator panels: switched on or off, or how many lines there are
 TYPES_LINE = re.compile(r'(?:"?[fiu][1248]"?[\t;, ]*)+\r?')  # of columns, as ETAS writes them
 NUMBER_BEGINS = frozenset("0123456789+-.")
+MINUS = "\u2212"  # the sign that typesetters write for it
 ABOVE = 20  # lines above the header that are kept as they stand
 
 
@@ -87,7 +88,8 @@ class CsvLog(Log):
             last = next_block is None
             end = len(lines) if last else _before_a_header(lines, begin)
             held = lines[end:]
-            yield from self._tables(lines[begin:end], cut=last and text.open_line and text.ended is not None)
+            cut = last and text.open_line and (text.ended is not None or self._is_short(lines[-1]))
+            yield from self._tables(lines[begin:end], cut=cut)
         if not self._lines:
             raise UnreadableLogError(
                 f"{self.path.name}: {text.ended or 'unpacks to 0 bytes'}: no row of it can be read. "
@@ -106,7 +108,7 @@ class CsvLog(Log):
         except UnicodeDecodeError:
             self.settings["encoding"] = "cp1252"
             text = decoded(block)
-        lines = text.replace("\r\n", "\n")
+        lines = text.replace("\r\n", "\n").replace(MINUS, "-")
         return lines.replace("\n\ufeff", "\n").removeprefix("\ufeff")  # files joined to one have marks inside
 
     def _headed(self, line: str) -> str:
@@ -184,11 +186,27 @@ class CsvLog(Log):
         return tuple(kind is not False for kind in kinds.values())
 
     def _with_units(self) -> dict[str, str]:
-        """Columns of text that begin with "20.5 °C", which is no number, and that cell."""
-        if not self._dialect.sample:
-            return {}
-        texts = zip(self._dialect.names, self._numeric, self._dialect.sample[0], strict=True)
-        return {name: cell[:SHOWN] for name, kind, cell in texts if not kind and NUMBER_AND_UNIT.fullmatch(cell)}
+        """Columns of text that begin with "20.5 °C", which is no number, or hold "1.500" beside decimal commas, which
+        may be 1500 as well as 1.5; and that cell."""
+        other, found = Numerals(OTHER[self._dialect.numerals.decimal]), dict[str, str]()
+        columns = zip(self._dialect.names, self._numeric, zip(*self._dialect.sample, strict=True), strict=False)
+        for name, kind, said in columns:
+            odd = [cell for cell in said if other.decimal in cell and other.is_number(cell)]
+            odd = [said[0]] if NUMBER_AND_UNIT.fullmatch(said[0]) else odd
+            if odd and not kind:
+                found[name] = odd[0][:SHOWN]
+        return found
+
+    def _is_short(self, line: str) -> bool:
+        """Whether the last number of a line without an end has fewer decimals than all others of its column."""
+        row = [cell.strip() for cell in cells(line, self._dialect.delimiter)]
+        above = {self._decimals(other[-1]) for other in self._dialect.sample if list(other) != row}
+        whole = len(row) == len(self._dialect.names) and self._numeric[-1] and row[-1] not in MISSING
+        return whole and len(above) == 1 and self._decimals(row[-1]) < above.pop()
+
+    def _decimals(self, cell: str) -> int:
+        """The digits behind the decimal sign of a cell, and that sign."""
+        return len("".join(cell.partition(self._dialect.numerals.decimal)[1:]))
 
     def _all_rows(self, begin: int, delimiter: str) -> Iterator[list[str]]:
         """Every line of the file from line `begin` on, cell by cell."""

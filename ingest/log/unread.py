@@ -17,5 +17,5 @@ def findings(name: str, settings: Mapping[str, Any]) -> list[QualityFlagged]:
         told[SHEETS] = f"sheet {settings['sheet']} was read, and not {', '.join(others)} ([time] sheet tells another)"
     if cells := settings.get("numbers_with_units"):
         said = ", ".join(f'{column} ("{cell}")' for column, cell in cells.items())
-        told[TEXTS] = f"read as text and not as numbers: {said}: export it without units in its cells"
+        told[TEXTS] = f"read as text and not as numbers: {said}: export it without units or thousands signs"
     return [QualityFlagged(flag=flag, says=f"{name}: {says}", detail={"file": name}) for flag, says in told.items()]

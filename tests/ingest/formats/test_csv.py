@@ -934,3 +934,75 @@ def test_the_time_of_catman_is_known_by_its_name(tmp_path: Path) -> None:
 def test_numbers_with_units_in_their_cells_are_texts_that_are_named(tmp_path: Path) -> None:
     log, _, _ = read(table(tmp_path, "time,T,n,note\n0,20.5 °C,1000 rpm,\n1,21.5 °C,1001 rpm,b\n"))
     assert log.settings["numbers_with_units"] == {"T": "20.5 °C", "n": "1000 rpm"}
+
+
+def test_numbers_that_may_have_thousands_are_texts_that_are_named(tmp_path: Path) -> None:
+    log, _, columns = read(table(tmp_path, "Zeit;n;T\n0;1.500;20,5\n1;900;20,6\n2;1.600;20,7\n"))
+    assert (columns["T"], columns["n"]) == ([20.5, 20.6, 20.7], ["1.500", "900", "1.600"])
+    assert log.settings["numbers_with_units"] == {"n": "1.500"}
+
+
+@pytest.mark.parametrize(
+    "cell",
+    ["NoValue", "Overflow", "OVER RANGE", "∞", "-∞", "---O-F---", "BURN OUT", "Open circuit", "OTC", "no data"],
+)
+def test_a_sensor_that_says_that_it_failed_is_a_missing_number(tmp_path: Path, cell: str) -> None:
+    log, t_ns, columns = read(table(tmp_path, f"t,T,U\n0,20,1\n1,{cell},2\n2,21,3\n"))
+    np.testing.assert_array_equal(columns["T"], [20, np.nan, 21])
+    assert (len(t_ns), columns["U"], list(log.rejected)) == (3, [1, 2, 3], [])
+
+
+def test_the_minus_of_typesetters_is_one(tmp_path: Path) -> None:
+    log, _, columns = read(table(tmp_path, "t,T [°C]\n0,−3.5\n1,−4.5\n2,5\n"))
+    assert (columns["T [°C]"], list(log.rejected)) == ([-3.5, -4.5, 5], [])
+
+
+@pytest.mark.parametrize(
+    ("stamp", "utc_hour"),
+    [
+        ("2024-03-01 10:00:00+01", 9),
+        ("2024-03-01 10:00:00.000 UTC", 10),
+        ("2024-03-01 10:00:00 CET", 9),
+        ("2024-03-01 10:00:00 GMT-5", 15),
+        ("01.03.2024 10:00:00 +01:30", 8.5),
+        ("13/03/2024 10:00:00 p. m.", 22),
+        ("3/13/2024, 12:00:00\u202fAM", 0),
+        ("'24-03-01 10:00:00.0", 10),
+        ("1 févr. 2024 10:00:00", 10),
+        ("1 juin 2024 10:00:00", 10),
+        ("1 juillet 2024 10:00:00", 10),
+        ("15-ago-2024 10:00:00", 10),
+    ],
+)
+def test_stamps_have_zones_halves_of_the_day_and_months_in_many_spellings(
+    tmp_path: Path, stamp: str, utc_hour: float
+) -> None:
+    log, t_ns, columns = read(table(tmp_path, f"Time;T\n{stamp};20\n{stamp};21\n"))
+    assert (columns["T"], log.absolute, list(log.rejected)) == ([20, 21], True, [])
+    assert t_ns[0] % (86_400 * S_NS) == utc_hour * 3600 * S_NS
+
+
+def test_a_month_of_four_letters_is_no_other_one(tmp_path: Path) -> None:
+    _, t_ns, _ = read(table(tmp_path, "Temps;T\n1 juin 2024 10:00:00;20\n1 juil. 2024 10:00:00;21\n"))
+    assert t_ns[1] - t_ns[0] == 30 * 86_400 * S_NS
+
+
+@pytest.mark.parametrize("name", ["Temps", "Temps [s]", "Tiempo (s)"])
+def test_time_has_its_french_and_spanish_names(tmp_path: Path, name: str) -> None:
+    _, t_ns, _ = read(table(tmp_path, f"{name};Étuve\n0,5;20\n1,0;21\n"))
+    assert t_ns == [S_NS // 2, S_NS]
+
+
+def test_dates_and_times_of_day_may_be_a_number_each_as_spreadsheets_store_them(tmp_path: Path) -> None:
+    rows = "45352;0,999988426;20\n45353;0;21\n45353;0,5;22\n"
+    log, t_ns, columns = read(table(tmp_path, f"Datum;Zeit;T\n{rows}"))
+    assert (log.absolute, log.settings["time_column"], list(columns)) == (True, "Datum + Zeit", ["T"])
+    first = utc_ns(datetime(2024, 3, 1, 23, 59, 59, tzinfo=ZoneInfo("UTC")))
+    assert [round((t - first) / 1e9, 3) for t in t_ns] == [0, 1, 43_201]
+    assert read(table(tmp_path, "Datum;Zeit;T\n45352;0,5;20\n45352;1,5;21\n"))[1] == [S_NS // 2, 3 * S_NS // 2]
+
+
+@pytest.mark.parametrize(("last", "rows"), [("2;20,7;2", 2), ("2;20,7;2,5", 3), ("2;20,7;", 3), ("2;20,7;2\n", 3)])
+def test_a_last_line_without_end_whose_number_lacks_decimals_is_cut(tmp_path: Path, last: str, rows: int) -> None:
+    log, t_ns, _ = read(table(tmp_path, f"Zeit;T;U\n0;20,5;21,5\n1;20,6;21,6\n{last}"))
+    assert (len(t_ns), len(log.rejected), log.cut is None) == (rows, 3 - rows, rows == 3)

@@ -24,7 +24,7 @@ def test_a_further_table_and_cells_with_units_are_said_and_kept(
     book.save("two.xlsx")
     says = [
         "two.xlsx: sheet cold was read, and not hot ([time] sheet tells another)",
-        'two.xlsx: read as text and not as numbers: p ("1.0 bar"): export it without units in its cells',
+        'two.xlsx: read as text and not as numbers: p ("1.0 bar"): export it without units or thousands signs',
     ]
     assert main(["inspect", "two.xlsx"]) == 0
     looked = capsys.readouterr().out
