@@ -56,6 +56,10 @@ _PLACES = (  # of thermocouples whose column says no more than where they sit; "
 )
 PER_UNIT = r"^[^/]+/\s?[^/\s]+$"  # `T_EW/°C` and `n / min^-1`, as DIN 1313 writes quantities in tables
 _LOOSELY_SPELT = ("nm", "degc", "degf")  # units at the end of names, in lower case
+# of two temperatures: 5 K of it are no -268 degC
+_DIFFERENCE = (
+    "_d_?t_|_delta_?(t|temp|theta)|_diff(erence|erenz)?_|_rise_|[uü]bertemp|uebertemp|erw(ae|ä)rmung|gradient|δ"
+)
 _NO_TEMPERATURE = "pos_|position|angle|winkel|press|druck|level|humid"
 _NUMBER = r"\bn\s?[°º]|serial|série|serien-?(nr|nummer)"  # of a part: what its digits look like means nothing
 _NUMBERED = "_(id|no|nr|num|number|name|nummer)_"
@@ -79,9 +83,11 @@ def guess(signal: str, unit: str | None = None) -> str | None:
     name = words(signal)
     by_name = next((quantity for quantity, holds in _BY_NAME.items() if re.search(holds, name)), None)
     known = normal_unit(without_mark(tidy(unit))[0]) if unit else None
+    quantity = "temperature" if known == "F" and by_name == "temperature" else _BY_UNIT.get(known or "")
+    if re.search(_DIFFERENCE, name) and (quantity or by_name or _place(name)) == "temperature":
+        return None
     if known in (None, "1"):
         return _commanded(by_name or _place(name), name)
-    quantity = "temperature" if known == "F" and by_name == "temperature" else _BY_UNIT.get(known or "")
     if quantity and by_name and quantity in by_name.split("_"):  # current -> current_d, voltage -> inception_voltage
         return _commanded(by_name, name)
     if by_name in _BY_NAME_ALONE:

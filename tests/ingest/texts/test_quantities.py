@@ -210,6 +210,11 @@ def test_a_unit_row_contradicts_only_what_it_says_otherwise(
         ("PI_out", None, None),
         ("tan δ", "%", "tan_delta"),
         ("Dosis", "h", "dose"),
+        ("dT", "K", None),
+        ("ΔT_winding", "K", None),
+        ("temperature rise", "°C", None),
+        ("Übertemperatur", "K", None),
+        ("diffuser", "°C", "temperature"),
     ],
 )
 def test_a_quantity_is_guessed_from_unit_and_name(signal: str, unit: str | None, quantity: str | None) -> None:
