@@ -235,7 +235,10 @@ class Format:
     claims: bool = False  # several formats have its mark: `module.claims(path)` says whether a file is of this one
 
 
-CANDUMP = rb"(?m)^ ?\(\d+\.\d+\)\s+\S+\s+(?:[RT]X \S \S +)?[0-9A-Fa-f]{3,8}(?:#| +\[\d+\] )"  # written, and shown
+CANDUMP = (  # as it is written, and as it is shown
+    rb"(?m)^ ?\((?:\d{4}-\d\d-\d\d \d\d:\d\d:\d\d|\d+)\.\d+\)\s+\S+\s+"
+    rb"(?:[RT]X \S \S +)?[0-9A-Fa-f]{3,8}(?:#| +\[\d+\] )"
+)
 FRAME_WAY = rb"\s[RT]x\s"  # received or sent: on each line of a log of frames that is known by its name alone
 FORMATS: tuple[Format, ...] = (
     Format("blf", "frames", (".blf",), b"LOGG", "ingest.formats.blf"),

@@ -152,3 +152,22 @@ def test_an_overlong_line_costs_one_record(tmp_path: Path, above: int) -> None:
 def test_a_log_is_known_below_an_overlong_first_line(tmp_path: Path) -> None:
     log, frames = read(log_of(tmp_path, "x" * 10_000 + "\n" + FIRST))
     assert (len(frames), [one.where for one in log.rejected]) == (1, ["line 1"])
+
+
+def test_stamps_since_the_frame_before_are_added_up(tmp_path: Path) -> None:
+    lines = [f" (000.{part:06})  can0  123   [1]  01\n" for part in (0, 100_000, 99_990, 100_020, 99_980)]
+    lines.insert(3, " (000.050000)  can0  20000004   [8]  00 04 00 00 00 00 00 00   ERRORFRAME\n")
+    log, frames = read(log_of(tmp_path, "".join(lines)))
+    assert [frame[0] // 1000 for frame in frames] == [0, 100_000, 199_990, 350_010, 449_990]
+    assert not log.absolute and log.settings["time"] == "s since the frame before"
+    log, frames = read(log_of(tmp_path, "".join(sorted(line for line in lines if "ERROR" not in line))))
+    assert [frame[0] // 1000 for frame in frames] == [0, 99_980, 99_990, 100_000, 100_020]
+
+
+def test_stamps_may_be_dates_of_a_local_clock(tmp_path: Path) -> None:
+    path = log_of(tmp_path, " (2024-03-01 10:00:00.123456)  can0  RX - -  123   [1]  01\n")
+    assert recognise(path).name == "candump"
+    log, frames = read(path, TimeSpec(zone="Europe/Rome"))
+    assert (log.absolute, frames[0][0]) == (True, 1_709_283_600_123_456_000)
+    log, frames = read(log_of(tmp_path, f"{FIRST} (2024-02-30 10:00:00.1)  can0  123   [1]  01\n"))
+    assert [one.why for one in log.rejected] == ['has the stamp "2024-02-30 10:00:00.1", which is no date of a log']
