@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -117,7 +118,9 @@ def draft(found: Inspection) -> str:
     logs = [one.path.name for one in found.files if one.reading]
     name = ", ".join(logs) if len(logs) <= NAMED else f"{len(logs)} logs"
     tables = [one.reading.columns for one in found.files if one.reading]
-    settings = {"labels": labels([name for name in tables[0] if all(name in one for one in tables)] if tables else ())}
+    settings: dict[str, Any] = {
+        "labels": labels([name for name in tables[0] if all(name in one for one in tables)] if tables else ())
+    }
     settings |= {"untimed": untimed.note, "days": untimed.days} if untimed else {}
     return draft_bench([seen.signal for seen in found.signals], settings, name, found.at_once)
 
