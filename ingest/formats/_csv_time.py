@@ -27,6 +27,7 @@ from ingest.formats._csv_clocks import (
     Stamped,
     carried,
     seconds_of_day,
+    unit_of_time,
     wraps_of,
 )
 from ingest.formats._csv_dialect import Dialect, cells
@@ -185,8 +186,8 @@ def _found(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
 def _first_in_seconds(time: TimeSpec, dialect: Dialect) -> Clock | None:
     """The clock of the first column, whatever it is called, where it says a unit of time and goes on as time does."""
     first = dialect.names[0]
-    unit = dialect.units.get(first, "").casefold()
-    if unit not in UNITS_NS or not _is_number(dialect, first) or not rises(np.array(_numbers(dialect, first))):
+    unit = unit_of_time(dialect.units.get(first))
+    if unit is None or not _is_number(dialect, first) or not rises(np.array(_numbers(dialect, first))):
         return None
     return _by_content(time, first, replace(dialect, units=dialect.units | {first: unit}))
 
@@ -267,7 +268,7 @@ def _by_content(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
     if not _is_number(dialect, column) or (time.unit is None and _fits(DIGITS_ALONE, dialect, column)):
         return None if time.unit else _stamped(time, column, dialect)
     unit = time.unit or base_and_unit(column)[1] or dialect.units.get(column)
-    candidates = [unit] if unit in UNITS_NS else ["s", "ms", "us", "ns"]
+    candidates = [known] if (known := unit_of_time(unit)) else ["s", "ms", "us", "ns"]
     for candidate in candidates:
         middle = median(_numbers(dialect, column)) * UNITS_NS[candidate]  # one absurd stamp takes nothing from the rest
         if EPOCH_NS[0] <= middle <= EPOCH_NS[1]:
@@ -484,7 +485,7 @@ def is_x(name: str, dialect: Dialect, said: str | None = None) -> bool:
     is what the header calls it."""
     base, unit = base_and_unit(said or name)
     last = base in X_NAMES or words(re.sub(r"\[.*", "", said or name))[-1:] == ["x"]
-    return last and (unit or dialect.units.get(name)) in UNITS_NS
+    return last and unit_of_time(unit or dialect.units.get(name)) is not None
 
 
 def is_date_name(name: str) -> bool:

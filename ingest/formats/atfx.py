@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.formats import Rows
-from ingest.formats._csv_clocks import UNITS_NS
+from ingest.formats._csv_clocks import UNITS_NS, unit_of_time
 from ingest.formats._csv_time import base_and_unit, is_time_name
 from ingest.formats._joined_tables import JoinedTables, OwnTimes, counted, held
 
@@ -232,8 +232,7 @@ def _clock(columns: Sequence[_Column]) -> _Column | None:
 
 def _unit_of(column: _Column) -> str | None:
     """The unit of time that a column counts in, if it is one."""
-    unit = column.unit.strip().casefold() or base_and_unit(column.name)[1]
-    return unit if unit in UNITS_NS else None
+    return unit_of_time(column.unit.strip() or base_and_unit(column.name)[1])
 
 
 def _cells(column: _Column, start: int, stop: int) -> NDArray[Any]:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import EARLIEST_NS, EPOCH, LATE_NS, Rejected, Rows, utc_ns
-from ingest.formats._csv_clocks import LATEST_NS, UNITS_NS
+from ingest.formats._csv_clocks import LATEST_NS, UNITS_NS, unit_of_time
 from ingest.formats._csv_time import base_and_unit, is_time_name, rises
 from ingest.formats._joined_tables import JoinedTables, OwnTimes, held
 from ingest.formats._tdms_file import (
@@ -259,8 +259,8 @@ class TdmsLog(JoinedTables):
     def _clocked(self, clock: Any, origin: int | None) -> _Stamps:
         if is_time(clock):
             return _Stamps(clock, 1.0, 0)
-        unit = self.time.unit or base_and_unit(clock.name)[1] or _unit(clock)
-        unit_ns = UNITS_NS.get(unit or "s", 1e9)
+        unit = unit_of_time(self.time.unit or base_and_unit(clock.name)[1] or _unit(clock))
+        unit_ns = UNITS_NS[unit or "s"]
         begin = values(clock, 0, 1)
         first = float(begin[0]) * unit_ns / SECOND_NS if begin is not None else 0.0
         if SINCE_1904_S[0] <= first <= SINCE_1904_S[1]:

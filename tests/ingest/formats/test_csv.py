@@ -1006,3 +1006,19 @@ def test_dates_and_times_of_day_may_be_a_number_each_as_spreadsheets_store_them(
 def test_a_last_line_without_end_whose_number_lacks_decimals_is_cut(tmp_path: Path, last: str, rows: int) -> None:
     log, t_ns, _ = read(table(tmp_path, f"Zeit;T;U\n0;20,5;21,5\n1;20,6;21,6\n{last}"))
     assert (len(t_ns), len(log.rejected), log.cut is None) == (rows, 3 - rows, rows == 3)
+
+
+@pytest.mark.parametrize(
+    ("unit", "second_ns"),
+    [
+        ("Min", 60 * S_NS), ("min.", 60 * S_NS), ("minutes", 60 * S_NS), ("hr", 3600 * S_NS), ("Std", 3600 * S_NS),
+        ("heures", 3600 * S_NS), ("MS", S_NS // 1000), ("msec", S_NS // 1000), ("usec", 1000), ("Sek.", S_NS),
+        ("days", 86_400 * S_NS),
+    ],
+)  # fmt: skip
+def test_units_of_time_are_known_as_people_spell_them_in_a_row_and_in_a_name(
+    tmp_path: Path, unit: str, second_ns: int
+) -> None:
+    assert read(table(tmp_path, f"Zeit;T\n{unit};°C\n0;20\n1;21\n"))[1] == [0, second_ns]
+    assert read(table(tmp_path, f"Zeit [{unit}];T\n0;20\n1;21\n"))[1] == [0, second_ns]
+    assert read(table(tmp_path, f"Time ({unit});T\n0;20\n1;21\n"))[1] == [0, second_ns]
