@@ -169,7 +169,8 @@ def _unit(signal: Signal, quantity: str) -> tuple[str, bool, str]:
             return str(signal.unit), convention == "peak", ""
         except UnitError:
             continue
-    return STORED_UNIT[quantity], False, "  # CHECK: the log does not say"
+    says = f"says {_comment(signal.unit)}, which is not known" if signal.unit else "does not say"
+    return STORED_UNIT[quantity], False, f"  # CHECK: the log {says}"
 
 
 def _without_unit(name: str) -> str:

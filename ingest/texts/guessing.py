@@ -21,7 +21,10 @@ _OF_UNIT: Mapping[str, str] = {  # quantity -> units that speak for it
     "capacitance": "F uF nF pF",
     "thermal_resistance": "K/W",
 }
-_BY_UNIT = {unit: quantity for quantity, units in _OF_UNIT.items() for unit in units.split()} | {"lbf ft": "torque"}
+_BY_UNIT = {unit: quantity for quantity, units in _OF_UNIT.items() for unit in units.split()} | {
+    "lbf ft": "torque",
+    "lbf in": "torque",
+}
 # quantity -> what its names hold, in five languages; names are taken as `_lower_case_words_`
 _BY_NAME: Mapping[str, str] = {
     "temperature": "temp|therm|termo|celsius|_t_?c_",

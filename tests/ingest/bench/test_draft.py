@@ -82,6 +82,11 @@ def test_a_draft_says_where_a_person_must_decide(line: str) -> None:
     assert line in draft_bench(TABLE, {}, "a.csv").split("\n")
 
 
+def test_a_unit_that_is_not_known_is_asked_for_in_the_words_of_the_log() -> None:
+    text = draft_bench([Signal("Torque", unit="stone foot")], {}, "a.csv")
+    assert 'unit = "Nm"  # CHECK: the log says stone foot, which is not known\n' in text
+
+
 def test_a_table_without_a_time_column_gets_a_rate_to_fill_in() -> None:
     without = draft_bench([Signal("speed")], {"untimed": "no column is its time."}, "a.csv")
     assert "# no column is its time.\n[time]\nrate_hz = 1.0                  # CHECK" in without

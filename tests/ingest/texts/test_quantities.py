@@ -28,6 +28,8 @@ def test_importing_the_module_does_not_import_pint() -> None:
         ("N·m", "torque", 1, 0),
         ("kNm", "torque", 1000, 0),
         ("lbf ft", "torque", 1.3558179483314004, 0),
+        ("in-lb", "torque", 1.3558179483314004 / 12, 0),
+        ("tr/mn", "speed", 1.0, 0),
         ("ozf*in", "torque", 0.00706155181422604, 0),
         ("U/min", "speed", 1, 0),  # ... as enzyme activity
         ("1/min", "speed", 1, 0),  # ... as a sixtieth of a hertz
