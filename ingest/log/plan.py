@@ -92,6 +92,7 @@ def groups_of(reading: LogReading, means: Explained) -> list[SignalGroup]:
                 series=name or None,
             )
             for place, (name, columns) in enumerate(series, 1)
+            if signals.keys() >= set(columns)  # of a table without one row that could be read there is nothing
         ]
     there = means.there(identifiers(reading))
     seen = [

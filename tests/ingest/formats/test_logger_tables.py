@@ -389,3 +389,13 @@ def test_series_are_ingested_with_their_own_times(tmp_path: Path, capsys: pytest
         *(("T", 0, 20.5), ("T", 10, 21.5), ("T", 10, 30), ("T", 20, 31), ("n", 10, 5), ("n", 20, 6)),
         *(("T", 0, 20), ("T", 1, 21), ("T", 2, 22), ("n", 0, 5), ("n", 10, 6)),
     ]
+
+
+def test_a_table_of_which_no_row_can_be_read_leaves_the_other_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = "".join(f"2024-03-01 10:00:0{i},2.5,400\n" for i in range(3))
+    (tmp_path / "log.csv").write_text(f"CH,U1,U2\nComment,coil,dc\nRatio,1,1\nTime,U1-1,U1-2\n{rows}")
+    assert main(["ingest", str(tmp_path / "log.csv"), "--store", str(tmp_path / "store")]) == 1
+    said = capsys.readouterr().out
+    assert "decoded 3 " in said and "rejected 1 " in said
