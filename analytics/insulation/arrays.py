@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -9,6 +11,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
+HALVED = math.log(2.0)  # ln R rises by so much where the conductivity falls by half
 PERCENT_PER_100_H = 1e4  # of a slope of ln R in 1/h
 
 

@@ -10,15 +10,19 @@ where a1 and a2 are changes of ln R with half-normal priors. A form is a mixture
 - changepoint: flat or of one slope up to a dose, of another slope from there on; never first down, then up.
 
 A turn has two checks at least on either side of it.
+
+The priors are those of a campaign up to the end of life, where conductivity is half. Of a specimen whose ln R went
+further they are wider in proportion (`Courses.wider`): else two small amplitudes would be more probable than one large
+one, and a straight line past its end of life a course that turns.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from analytics.insulation.arrays import Floats, Ints
+from analytics.insulation.arrays import HALVED, Floats, Ints
 
 MONOTONE, DIP_THEN_RISE, CHANGEPOINT = "monotone", "dip_then_rise", "changepoint"
 CHANGING = (MONOTONE, DIP_THEN_RISE, CHANGEPOINT)
@@ -47,6 +51,10 @@ class Courses:
     def some(self, chosen: Ints) -> Courses:
         """The courses at the places `chosen` of the list."""
         return Courses(*(getattr(self, of.name)[chosen] for of in fields(self)))
+
+    def wider(self, ln_resistance: Floats) -> Courses:
+        """The courses with priors as wide as a series `ln_resistance` (n,) asks for that went past the end of life."""
+        return replace(self, sds=self.sds * max(1.0, float(np.ptp(ln_resistance)) / HALVED))
 
 
 def courses(form: str, x: Floats, at: Floats, turns: int) -> Courses | None:

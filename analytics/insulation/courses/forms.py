@@ -112,9 +112,9 @@ def assess(
         return unknown(f"different doses: {len(distinct)}; {LEAST_DOSES} are needed at least")
     span = float(distinct[-1] - distinct[0])
     places, x = (distinct - distinct[0]) / span, (dose - dose[0]) / span
-    coarse = courses_of_all(places, x, COARSE_TURNS)
+    coarse = courses_of_all(places, x, COARSE_TURNS).wider(y)
     odd = _OddCheck.of(_Errors.of(x, s), y).likely(coarse)
-    fine = {f: c for f in CHANGING if (c := courses(f, places, x, FINE_TURNS)) is not None}
+    fine = {f: c.wider(y) for f in CHANGING if (c := courses(f, places, x, FINE_TURNS)) is not None}
     ln_weights = {f: odd.ln_weights(c) for f, c in fine.items()}
     probabilities = _probabilities(
         {NONE: float(_ln_sum(odd.ln_none)), **{f: float(_ln_sum(w.ravel())) for f, w in ln_weights.items()}}
@@ -352,6 +352,7 @@ def _draw(
 ) -> _Drawn:
     given = courses(name, places, np.concatenate([errors.x, FINE]), FINE_TURNS)
     assert given is not None
+    given = given.wider(y)
     shares = np.exp(ln_weights - _ln_sum(ln_weights))
     few = given.some(random.choice(len(shares), DRAWS, p=shares / shares.sum()))
     white = errors.whitened(few)

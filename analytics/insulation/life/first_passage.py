@@ -13,9 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from analytics.insulation.arrays import Floats, usable
+from analytics.insulation.arrays import HALVED, Floats, usable
 
-HALVED = math.log(2.0)  # ln R rises by so much where the conductivity falls by half
 SURE = 1.6449  # standard errors: 5 % on the one side that counts
 
 

@@ -39,6 +39,8 @@ def _paper(dose: Floats) -> Floats:
         ("monotone", lambda d: 0.2 * d / 192.0),
         ("monotone", lambda d: 0.2 * np.sqrt(d / 192.0)),
         ("monotone", lambda d: -0.2 * d / 192.0),
+        ("monotone", lambda d: 1.4 * d / 192.0),  # a quarter of its conductivity: past the end of life
+        ("monotone", lambda d: 2.5 * d / 192.0),
         ("dip_then_rise", lambda d: 0.15 * np.expm1(-d / 30.0) + 0.3 * d / 192.0),
         ("dip_then_rise", lambda d: np.interp(d, [0.0, 72.0, 192.0], [0.0, -0.06, 0.15])),
         ("changepoint", lambda d: 0.25 * np.maximum(d - 90.0, 0.0) / 102.0),
