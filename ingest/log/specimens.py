@@ -109,11 +109,11 @@ def findings(name: str, settings: Mapping[str, Any]) -> list[QualityFlagged]:
 
 
 def _labels(rows: Rows, column: str | None) -> list[Text]:
-    """Texts of a column; whole numbers without a decimal point, None for an empty cell, or where the series of a long
-    table has no such column."""
+    """Texts of a column without blanks around them; whole numbers without a decimal point, None for an empty cell, or
+    where the series of a long table has no such column."""
     if column is None or column not in rows.columns:
         return [None] * len(rows.t_ns)
     values = rows.columns[column]
     if values.dtype == object:
-        return [text or None for text in values.tolist()]
+        return [text.strip() or None for text in values.tolist()]
     return [None if np.isnan(value) else f"{value:.15g}" for value in values.tolist()]

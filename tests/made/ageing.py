@@ -58,6 +58,12 @@ WORSE = Specimen(
     remaining_h=None,
     score=4.2,
     outlying=True,
+    fitted={
+        "dose_h": [0.0, 120.0],
+        "resistance_K_per_W": [0.02, 0.025],
+        "low": [0.0198, 0.0247],
+        "high": [0.0202, 0.0253],
+    },
     why=None,
 )
 STILL = replace(

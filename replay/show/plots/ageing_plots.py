@@ -151,7 +151,7 @@ def _draw_course(ax: Axes, one: Specimen) -> None:
         ax.axvline(one.change_at_dose_h, color=INK[0], linewidth=0.7, linestyle=(0, (1, 2)))
     batch = f" ({one.batch})" if one.batch else ""
     name = fitting(f"{one.specimen}{batch}", 24)
-    form = one.form.replace("_", " ") if one.significant else "no change"
+    form = one.form.replace("_", " ") if one.significant else "no change" if one.fitted else "too few checks"
     ax.set_title(f"{name}: {form}", fontsize=8.5, loc="left", pad=3)
 
 

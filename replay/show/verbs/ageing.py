@@ -21,6 +21,7 @@ FORMS = {
     "dip_then_rise": "falling first, then rising",
     "changepoint": "changing course",
 }
+TOO_FEW = "too few checks for a course"
 
 
 def ageing_text(found: Assessment) -> str:
@@ -55,9 +56,10 @@ def answer(found: Assessment) -> str:
     if whole.specimens <= NAMED:
         changed = [one for one in found.specimens if one.significant]
         parts += [f"{one.specimen}: {course(one)}." for one in changed]
-        same = [one.specimen for one in found.specimens if not one.significant and one.checks]
+        same = [one.specimen for one in found.specimens if not one.significant and one.fitted]
+        few = [one.specimen for one in found.specimens if one.checks and not one.fitted]
         unseen = [one.specimen for one in found.specimens if not one.checks]
-        told = {FORMS["none"]: same, "no check": unseen}
+        told = {FORMS["none"]: same, TOO_FEW: few, "no check": unseen}
         parts += [f"{words.joined(names)}: {says}." for says, names in told.items() if names]
     else:
         counts = words.joined([f"{count:,} {FORMS[form]}" for form, count in whole.changed.items()])
@@ -75,6 +77,8 @@ def how_many_change(whole: FleetCounts) -> str:
 
 def course(one: Specimen) -> str:
     """One specimen's course in words."""
+    if one.fitted is None:
+        return TOO_FEW if one.checks else "no check"
     falls = one.form == "monotone" and (one.slope_percent_per_100h or 0.0) < 0.0
     text = "falling steadily" if falls else FORMS[one.form]
     if one.change_at_dose_h is not None:
@@ -122,7 +126,8 @@ def _table(found: Assessment) -> Iterator[str]:
 
 def _specimen_row(one: Specimen) -> tuple[str, ...]:
     last = next((check for check in reversed(one.checks) if check.conductivity_percent is not None), None)
-    course = (one.form.replace("_", " "), f"{100 * one.form_probability:.0f} %", _slope(one))
+    said = (one.form.replace("_", " "), f"{100 * one.form_probability:.0f} %") if one.fitted else ("-", "-")
+    course = (*said, _slope(one))
     left = (_percent(last.conductivity_percent if last else None), life_used(one), _apart(one))
     return one.specimen, one.batch or "-", str(len(one.checks)), hours(one.dose_h), *course, *left
 

@@ -199,6 +199,7 @@ def _assessed(
         false_discovery_rate=found.fleet.false_discovery_rate,
         notes=[
             *_unnamed(facts),
+            *_unusable([point for history in known.values() for point in history.points]),
             *_first(f"{name}: {line}" for name in names for line in known[name].notes),
             *(_not_heat_alone(beside_heat(stress)) if fleet_law else ()),
         ],
@@ -274,7 +275,20 @@ def _published(store: Store, facts: Facts, motor: str, law: AgeingLaw) -> str:
 
 def _unnamed(facts: Facts) -> list[str]:
     count = sum(session.specimen is None and is_check(facts, session) for session in facts.sessions)
-    return [f"{count} checks without a specimen are left out: ingest them again with --specimen S."] if count else []
+    if not count:
+        return []
+    what = "1 check without a specimen is" if count == 1 else f"{count} checks without a specimen are"
+    return [
+        f"{what} left out: name the specimen (--specimen S, or specimen_column of the bench file) and ingest again."
+    ]
+
+
+def _unusable(points: Sequence[Point]) -> list[str]:
+    lacking = sum(not point.usable for point in points)
+    if not lacking:
+        return []
+    where = 'whyhot sql "FROM conductivity_by_cycle WHERE why IS NOT NULL"'
+    return [f"{lacking} of {len(points)} checks say no R or no dose, and no course has them: {where} says why."]
 
 
 def _left(

@@ -49,7 +49,7 @@ class Evaluated:
 
 
 def evaluated(store: Store, facts: Facts, as_of: str | None) -> list[Evaluated]:
-    """Every row that holds a thermal resistance or counted hours, in the order of its file."""
+    """Every row that holds a thermal resistance, a dose or counted hours, in the order of its file."""
     from analytics import warehouse
 
     bins = {session.session: session.bench for session in facts.sessions}
@@ -87,7 +87,7 @@ def evaluated(store: Store, facts: Facts, as_of: str | None) -> list[Evaluated]:
             hours = dict(zip(channels or (), values or (), strict=True))
             dose = next((value for name, value in hours.items() if name not in binned), None)
             counted = _heat({binned[name]: value for name, value in hours.items() if name in binned})
-            if resistance is not None or counted is not None:
+            if resistance is not None or dose is not None or counted is not None:
                 others = dict(zip(counters, counts, strict=True)) if counters else NO_COUNTERS
                 found.append(Evaluated(session, t_ns, resistance, dose, degC, counted, others))
     return found

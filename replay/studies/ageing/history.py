@@ -268,7 +268,7 @@ def with_tables(history: History, rows: Sequence[tuple[SessionRecorded, Evaluate
         history = replace(history, notes=[*history.notes, said])
     counted = [(row.t_ns or 0, worth_of(row.counted)) for _, row in rows if row.counted is not None]
     readouts = sorted(counted, key=lambda one: one[0])
-    points = [_row_point(session, row, readouts) for session, row in rows if row.resistance_K_per_W is not None]
+    points = [_row_point(session, row, readouts) for session, row in rows if _is_check(row)]
     every = sorted([*history.points, *points], key=_place)
     worths = [*(worth for _, worth in readouts), *(point.worth for point in points if point.worth is not None)]
     worth = np.max(worths, axis=0) if worths else None
@@ -298,9 +298,14 @@ def _once(rows: Sequence[tuple[SessionRecorded, Evaluated]]) -> list[tuple[Sessi
     return kept
 
 
+def _is_check(row: Evaluated) -> bool:
+    """Whether the row is of a check, and no readout of counters alone: a check may lack its R."""
+    return row.resistance_K_per_W is not None or row.counted is None
+
+
 def _row_point(session: SessionRecorded, row: Evaluated, readouts: Sequence[tuple[int, Floats]]) -> Point:
     dose, worth = row.dose_h, None
-    if dose is not None and row.degC is not None:
+    if dose is not None and row.degC is not None and dose >= 0.0:
         worth = worth_of(HoursByTemperature(np.array([row.degC]), np.array([dose])))
         worth[0] = dose
     elif dose is None and row.counted is not None:
@@ -310,8 +315,27 @@ def _row_point(session: SessionRecorded, row: Evaluated, readouts: Sequence[tupl
         worth = np.array([np.interp(row.t_ns, at, course) for course in np.transpose(known)])
     if dose is None and worth is not None:
         dose = float(worth[0])
-    why = "neither the row nor a counter's readout around it says a dose" if dose is None else None
-    return Point(session, row.t_ns, dose, worth, row, why, counters=row.counters)
+    known_h = None if dose is None or dose < 0.0 else dose
+    why = _why_unusable(row, dose)
+    return Point(session, row.t_ns, known_h, worth, _possible(row), why, counters=row.counters)
+
+
+def _possible(row: Evaluated) -> Evaluated:
+    """The row without an R that cannot be one."""
+    r = row.resistance_K_per_W
+    return row if r is None or r > 0.0 else replace(row, resistance_K_per_W=None)
+
+
+def _why_unusable(row: Evaluated, dose_h: float | None) -> str | None:
+    """What the check lacks, or None."""
+    r = row.resistance_K_per_W
+    if dose_h is None:
+        return "neither the row nor a counter's readout around it says a dose"
+    if dose_h < 0.0:
+        return f"its row says a dose of {dose_h:g} h, which cannot be below 0"
+    if r is None:
+        return "its row says no R"
+    return f"its row says an R of {r:g} K/W, which must be above 0" if r <= 0.0 else None
 
 
 def _place(point: Point) -> tuple[float, int]:

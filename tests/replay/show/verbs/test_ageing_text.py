@@ -28,6 +28,13 @@ def test_a_falling_course_is_not_called_rising() -> None:
     assert "falling steadily" in answer(assessment(replace(WORSE, slope_percent_per_100h=-9.0, ci95=None)))
 
 
+def test_of_a_specimen_with_too_few_checks_no_course_is_said() -> None:
+    found = assessment(WORSE, replace(STILL, form_probability=0.5, fitted=None))
+    assert "S02: too few checks for a course" in answer(found) and "S02: no change" not in answer(found)
+    row = next(line for line in ageing_text(found).splitlines() if line.startswith("S02"))
+    assert "none" not in row and "50 %" not in row
+
+
 def test_where_nobody_stands_out_that_is_said() -> None:
     assert "None stands out from the others (false discovery rate 5 %)" in answer(assessment(STILL))
 

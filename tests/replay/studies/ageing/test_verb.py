@@ -19,6 +19,7 @@ from ingest.facts import facts
 from ingest.facts.events import SessionRecorded
 from ingest.facts.store import Store
 from ingest.facts.store_check import damage
+from made.places import EXAMPLES
 from plant import fleet, insulation_campaign
 from plant.bare_stator_motor import motor_toml
 from plant.counters import counters, write_counters
@@ -290,6 +291,38 @@ def test_a_check_that_stands_in_two_tables_counts_once_and_two_alike_in_one_are_
     assert found.notes == ["3 rows stand in two tables, with the same time and values: each such check counts once"]
     undated = [(session, replace(row, t_ns=None)) for session, row in given]
     assert (len(with_tables(History(), undated).points), with_tables(History(), undated).notes) == (8, [])
+
+
+UNTIDY = """serial,batch,dose_h,R_th
+B1,X,0,0.100
+B1 ,X,50,0.103
+B1,X,100,n/a
+B2,X,0,0.100
+B2,X,-20,0.1
+B2,X,50,0
+B2,X,,0.1
+B3,X,50,n/a
+"""
+
+
+def test_a_row_without_a_usable_resistance_or_dose_is_a_check_that_says_why(tmp_path: Path) -> None:
+    (tmp_path / "checks.csv").write_text(UNTIDY, encoding="utf-8")
+    store = tmp_path / "store"
+    bench = str(EXAMPLES / "insulation" / "fleet" / "bench.toml")
+    _taken_in([["ingest", str(tmp_path / "checks.csv"), "--bench", bench]], store)
+    asked = _asked(store)
+    why = {one["specimen"]: [check["why"] for check in one["checks"]] for one in asked["specimens"]}
+    assert why == {
+        "B1": [None, None, "its row says no R"],
+        "B2": [
+            None,
+            "its row says an R of 0 K/W, which must be above 0",
+            "its row says a dose of -20 h, which cannot be below 0",
+            "neither the row nor a counter's readout around it says a dose",
+        ],
+        "B3": ["its row says no R"],
+    }
+    assert any(line.startswith("5 of 8 checks say no R or no dose") for line in asked["notes"])
 
 
 def _refused(capsys: Capture, *words: str) -> str:
