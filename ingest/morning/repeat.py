@@ -56,6 +56,11 @@ class Comparison:
         """The channels that differ by more than floor and drive explain, the furthest first."""
         return [one for one in self.channels if one.verdict == "exceeds"]
 
+    @property
+    def explained(self) -> list[ChannelDifference]:
+        """The channels that differ by more than their floor, as much as start and drive explain."""
+        return [one for one in self.channels if one.verdict == "explained"]
+
 
 @dataclass(frozen=True)
 class Repeat:
@@ -107,7 +112,9 @@ def comparison_json(beside: Comparison) -> dict[str, Any]:
 
 
 def repeat(store: Store, facts: Facts, first: SessionRecorded, second: SessionRecorded) -> Repeat:
-    """Compare two sessions. Raises IngestError where they cannot be laid beside each other, DamageError."""
+    """Compare two sessions. Raises IngestError where they are one or cannot be laid beside each other, DamageError."""
+    if first.session == second.session:
+        raise IngestError(f"{first.name}: is given twice: compare it with another run of the same test.")
     channels = [usable(look(store, facts, one)) for one in (first, second)]
     names = f"{first.name} and {second.name}"
     earlier = [one for one in runs_before(facts, first) if one.session != second.session][:EARLIER]

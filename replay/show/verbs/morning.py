@@ -14,7 +14,7 @@ from ingest.facts.events import COUNTS
 from ingest.morning.found_setup import NO_BENCH
 from ingest.morning.morning import Before, Morning, Night
 from replay.show.verbs.intake import intake_json
-from replay.show.verbs.repeat import AXES, difference_says
+from replay.show.verbs.repeat import AXES, difference_says, floor_kept
 from replay.show.words import words
 from replay.show.words.terminal import labelled
 
@@ -207,7 +207,7 @@ def before(found: Before) -> str:
     if not comparison.channels:
         return f"driven as {one} ({alike}); no channel is called alike in both, so none is compared"
     if not comparison.exceeding:
-        return f"as {one} ({alike}): nothing exceeds its floor"
+        return f"as {one} ({alike}){floor_kept(comparison)}"
     told = "; ".join(difference_says(each) for each in comparison.exceeding[:DIFFERENCES])
     more = len(comparison.exceeding) - DIFFERENCES
     return f"against {one} ({alike}): {told}" + (f"; and {words.counted(more, 'more channel')}" if more > 0 else "")

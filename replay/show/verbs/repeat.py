@@ -13,6 +13,7 @@ from replay.show.words.width import width
 
 AXES = {"speed": "rpm", "torque": "Nm", "current": "A", "oven": "°C"}
 NAMES = "A [[change]] in the bench file says that a signal was renamed."
+NOTHING = 1e-9  # what rounding leaves of equal runs
 SHOWN = 12  # channels; the JSON has all
 
 
@@ -39,18 +40,28 @@ def answer(found: Repeat) -> str:
             f"nothing of {second} can be compared with {found.first.name}: no channel is called alike in both. {NAMES}"
         )
     if not beside.exceeding:
-        return f"{second} reads as {found.first.name} where both were driven alike: nothing exceeds its floor."
+        return f"{second} reads as {found.first.name} where both were driven alike{floor_kept(beside)}."
     told = [difference_says(one) + _since(found, one) for one in beside.exceeding[:3]]
     more = len(beside.exceeding) - len(told)
     rest = f" And {words.counted(more, 'more channel')}." if more else ""
     return f"In {second}, against {found.first.name}: {'; '.join(told)}.{rest}"
 
 
+def floor_kept(beside: Comparison) -> str:
+    """That nothing exceeds its floor, or only what start and drive may explain."""
+    if not beside.explained:
+        return ": nothing exceeds its floor"
+    told = [difference_says(one) for one in beside.explained[:2]]
+    more = len(beside.explained) - len(told)
+    rest = f"; and {words.counted(more, 'more channel')}" if more else ""
+    return f", but for what start and drive may explain: {'; '.join(told)}{rest}"
+
+
 def difference_says(one: ChannelDifference) -> str:
     """ "T_1 reads 4.2 K more at about 6,000 rpm and 100 A (start and drive explain 0.0 to 0.5 K, floor 1.4 K)"."""
     off = one.worst.difference
     low, high = one.worst.explained
-    of = f"start and drive explain {figure(low)} to {amount(high, one)}, " if (low, high) != (0.0, 0.0) else ""
+    of = f"start and drive explain {figure(low)} to {amount(high, one)}, " if _explains(one) else ""
     more = "more" if off > 0 else "less"
     where = where_says(one.worst)
     return f"{one.channel} reads {amount(abs(off), one)} {more}{where} ({of}floor {amount(one.floor, one)})"
@@ -66,8 +77,8 @@ def alike(beside: Comparison, first: str, second: str) -> str:
     """How long, and by what they were laid beside each other."""
     shares = [f"{100 * share:.0f} % of {name}" for share, name in zip(beside.shares, (first, second), strict=True)]
     how = f"by {words.joined([*beside.by])}, in {words.counted(beside.stretches, 'stretch').replace('chs', 'ches')}"
-    means = "Below are the means of both over it, and the difference where it is largest."
-    return f"{words.duration(beside.matched_s)} {how}: {words.joined(shares)}. {means}"
+    means = " Below are the means of both over it, and the difference where it is largest." if beside.channels else ""
+    return f"{words.duration(beside.matched_s)} {how}: {words.joined(shares)}.{means}"
 
 
 def floor(found: Repeat) -> str:
@@ -95,10 +106,15 @@ def channel_head(first: str, second: str) -> tuple[str, ...]:
 def channel_row(one: ChannelDifference) -> tuple[str, ...]:
     """A channel in both runs, as cells."""
     low, high = one.worst.explained
-    explained = "" if (low, high) == (0.0, 0.0) else f"{figure(low)} to {figure(high)}"
+    explained = f"{figure(low)} to {figure(high)}" if _explains(one) else ""
     figures = (figure(one.first), figure(one.second), _signed(one.worst.difference))
     place = where_says(one.worst).removeprefix(" at about ").replace(" and ", ", ")
     return one.channel, one.unit or "", *figures, explained, figure(one.floor), one.verdict, place
+
+
+def _explains(one: ChannelDifference) -> bool:
+    """Whether start and drive explain anything, rounding aside."""
+    return max(map(abs, one.worst.explained)) >= NOTHING
 
 
 def _since(found: Repeat, one: ChannelDifference) -> str:
@@ -127,18 +143,15 @@ def amount(value: float, one: ChannelDifference) -> str:
 
 
 def _signed(value: float) -> str:
-    return f"{'+' * (value > 0)}{figure(value)}"
+    return f"{'+' * (value >= NOTHING)}{figure(value)}"
 
 
 def figure(value: float) -> str:
     """What tells of a number: "4.2", "0.13", "1,200"; what is less than 0.1 with one digit."""
+    value = value if abs(value) >= NOTHING else 0.0
     if abs(value) >= 1000:
         return f"{value:,.0f}".replace("-", "−")
     text = (
-        f"{value:.1f}"
-        if abs(value) >= 1 or abs(value) < 1e-9
-        else f"{value:.2g}"
-        if abs(value) >= 0.1
-        else f"{value:.1g}"
+        f"{value:.1f}" if abs(value) >= 1 or value == 0.0 else f"{value:.2g}" if abs(value) >= 0.1 else f"{value:.1g}"
     )
     return text.replace("-", "−")

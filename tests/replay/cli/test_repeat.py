@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from ingest.morning.differences import CellDifference, ChannelDifference
 from ingest.morning.repeat import Comparison
 from made.browser import faults
 from made.places import ROOT
 from made.repeated import BENCH, write_table
 from replay.cli import main
-from replay.show.verbs.repeat import answer
+from replay.show.verbs.repeat import answer, channel_row, floor_kept
 
 Capture = pytest.CaptureFixture[str]
 
@@ -73,6 +75,39 @@ def test_runs_without_a_channel_of_one_name_are_not_said_to_agree() -> None:
     first, second = (SimpleNamespace(name=name) for name in "ab")
     found: Any = SimpleNamespace(first=first, second=second, beside=beside)
     assert answer(found).startswith("nothing of b can be compared with a: no channel is called alike in both.")
+
+
+def test_what_start_and_drive_explain_is_not_said_to_stay_within_its_floor() -> None:
+    place = CellDifference({"speed": (5000.0, 7000.0)}, 5.0, 121.0, 129.0, (-1e-14, 6.8))
+    magnet = ChannelDifference(
+        channel="MAG",
+        quantity="temperature",
+        unit="degC",
+        place=None,
+        first=121.0,
+        second=129.0,
+        difference=8.0,
+        worst=place,
+        floor=1.4,
+        repeats=0,
+        verdict="explained",
+        around=False,
+        constant=False,
+    )
+    beside = Comparison(("speed",), 60.0, (1.0, 1.0), (1.0, 1.0), 1, (magnet,), (), ((), ()))
+    assert floor_kept(beside) == (
+        ", but for what start and drive may explain: MAG reads 8.0 K more at about 6,000 rpm (start and drive explain "
+        "0.0 to 6.8 K, floor 1.4 K)"
+    )
+    assert channel_row(magnet)[5] == "0.0 to 6.8"
+    equal = replace(magnet, worst=replace(place, second=121.0 - 1e-13, explained=(-1e-14, 0.0)), verdict="within")
+    assert channel_row(equal)[4:6] == ("0.0", "")
+    assert floor_kept(replace(beside, channels=(equal,))) == ": nothing exceeds its floor"
+
+
+def test_a_session_is_not_compared_with_itself(store: Path, capsys: Capture) -> None:
+    assert main(["repeat", "evening_2", "evening_2", "--store", str(store)]) == 2
+    assert capsys.readouterr().err == "evening_2: is given twice: compare it with another run of the same test.\n"
 
 
 def test_earlier_runs_are_a_floor(store: Path, capsys: Capture) -> None:
