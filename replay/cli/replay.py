@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from replay.cli.answer import Answer, provenance
-from replay.cli.asked import as_of_note, ask_as_of, ask_level, ask_model, ask_workers, opened, workers_of
+from replay.cli.asked import as_of_note, ask_as_of, ask_level, ask_model, ask_workers, opened, sessions_of, workers_of
 
 if TYPE_CHECKING:
     from ingest.facts.events import ReplayCompleted
@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> Answer:
 
     with opened(args) as store:
         known = facts.at(store.ledger)
-        sessions = [known.session(text) for text in args.sessions] or list(known.sessions)
+        sessions = sessions_of(known, args.sessions) or list(known.sessions)
         model = model_named(store, args.model)
         outcomes = replay_sessions(
             store, sessions, model, args.level, workers_of(args), tell, args.integrator, args.unknown, args.check_filter

@@ -70,6 +70,12 @@ def test_a_wrong_loss_is_seen_where_it_is_and_with_its_sign(bench: Path, capsys:
     assert run["mae_K"]["magnet"] > 5 * run["mae_K"]["winding"]
 
 
+def test_a_session_that_is_named_twice_counts_once(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (run,) = _json(bench, capsys, "replay", "3_hot", "3_hot")["runs"]
+    page = bench / "twice.html"
+    assert _json(bench, capsys, "report", "3_hot", "3_hot", "--out", str(page))["runs"] == [run["run"]]
+
+
 def test_digests_repeat_in_one_process_and_in_two(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
     once = _json(bench, capsys, "replay")
     again = _json(bench, capsys, "replay", "--workers", "2")
