@@ -219,7 +219,8 @@ def active(heat: UnnamedHeat) -> str:
     parts = []
     for key, (low, high) in heat.when.items():
         name, _, stored = key.rpartition("_")
-        span = f"{words.number(words.rounded(low))} to {words.number(words.rounded(high))}"
+        ends = [words.number(words.rounded(end)) for end in (low, high)]
+        span = f"about {ends[0]}" if ends[0] == ends[1] else " to ".join(ends)
         subject = "it" if name == heat.node else words.name(name)
         parts.append(f"{subject} is {span} {unit(stored)}")
     return ", ".join(filter(None, [way, f"when {words.joined(parts)}" if parts else ""]))

@@ -334,6 +334,11 @@ def test_an_unknown_cooling_is_not_called_a_heat(low: float, high: float, says: 
     assert watts(replace(UNKNOWN.unknown[0], watts=[low, high])) == says
 
 
+def test_an_unknown_heat_where_nothing_varies_says_about() -> None:
+    heat = replace(UNKNOWN.unknown[0], when={"speed_rpm": [11_998.0, 12_003.0], "current_A": [170.0, 180.0]})
+    assert active(heat) == "when speed is about 12,000 rpm and current is 170 to 180 A"
+
+
 def test_an_unknown_heat_without_a_range_says_no_when() -> None:
     assert active(replace(UNKNOWN.unknown[0], when={})) == ""
 
