@@ -17,14 +17,14 @@ import numpy as np
 
 from twin.diagnosis.evidence import prior_masses
 from twin.diagnosis.next_tests import Proposed
-from twin.errors import PlanError
+from twin.errors import DivergedError, PlanError
 from twin.fitting.model import Floats, Test
 from twin.motor.outputs import BLOCK_S
 from twin.motor.sensor import Sensor
 from twin.planning.courses import MINUTES, REST_MIN, BenchRange, blocks, courses, cut, joined, rest
 from twin.planning.detectable import Prospect
 from twin.planning.gathered import Gathered, Untried, sensor_parameters
-from twin.planning.limits import Heated, heated, watched
+from twin.planning.limits import Heated, first_over, heated, watched
 from twin.planning.observed import observing
 
 Tell = Callable[[str], None]
@@ -33,6 +33,7 @@ RESTS_MIN = (REST_MIN, 40, 60, 120)  # between tests: the first with which no li
 WORTH_nat = 0.01  # what tells less is not proposed
 LEADING = 40  # tests that the chain is made of
 OBSERVED = 5
+RUNS_AWAY = "the model runs away"
 
 
 @dataclass(frozen=True)
@@ -201,10 +202,10 @@ class _Weighing:
         """A course at the length at which it tells most an hour, one march for its limits and all lengths; or why it
         can be run at none."""
         untried = _untried(self.found, self.bench, cut(course, self.lengths[-1]))
-        hot = heated(self.found.limits, untried)
-        if hot is None:
-            return "the model runs away"
-        over = hot.first_over()
+        try:
+            over = first_over(self.found.limits, untried)
+        except DivergedError:
+            return RUNS_AWAY
         lengths = [n for n in self.lengths if over is None or n <= over[0]]
         if over and not lengths:
             return _over(self.found, *over)
@@ -267,11 +268,15 @@ def _within_limits(
     for minutes in RESTS_MIN:
         course = joined([part for step in steps for part in (step.proposed, rest(minutes))])
         untried = _untried(found, bench, course)
-        hot = heated(found.limits, untried)
-        over = None if hot is None else hot.first_over()
-        if hot is not None and over is None:
+        try:
+            hot = heated(found.limits, untried)
+        except DivergedError:
+            why = RUNS_AWAY
+            continue
+        over = hot.first_over()
+        if over is None:
             return course, minutes, untried, hot
-        why = "the model runs away" if over is None else _over(found, *over)
+        why = _over(found, *over)
     raise PlanError(
         f"{why} even with rests of {RESTS_MIN[-1]} min: fewer hours, colder coolant or a higher limit_degC "
         "would relax it"

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from twin.diagnosis.next_tests import read_throughout
-from twin.errors import DivergedError
 from twin.fitting.model import Floats, Model
 from twin.fitting.recorded import RecordedChannel
 from twin.motor.network import Network
@@ -61,23 +60,43 @@ class Heated:
         return block, int((self.high - self.limits.degC)[block].argmax())
 
 
-def heated(limits: NodeLimits, untried: Untried) -> Heated | None:
+def heated(limits: NodeLimits, untried: Untried) -> Heated:
     """How hot the limited nodes, `watched` as the supposed thermometers of a new test, become by the fitted model, and
     how sure that is by what its tests leave unknown of it: to the end, or to the first block in which one is above its
-    limit without the band. None where the model runs away."""
-    try:
-        inside = [one for one in untried.model.linearise(untried.beta) if not one.series.measured]
-    except DivergedError:
-        return None
+    limit without the band. Raises `DivergedError` where the model runs away."""
+    degC, columns = _inside(limits, untried)
+    return Heated(limits, degC, _sd(untried, columns))
+
+
+def first_over(limits: NodeLimits, untried: Untried) -> tuple[int, int] | None:
+    """`first_over` of what is `heated`. Most of a band is never looked at: what is below its limit as unsure as the
+    priors are is so by the fit, which is surer."""
+    degC, columns = _inside(limits, untried)
+    at_most = np.sqrt(columns**2 @ untried.model.sd**2)
+    unclear = degC + Z95 * at_most > limits.degC
+    sd = np.zeros_like(degC)
+    sd[unclear] = _sd(untried, columns[unclear])
+    return Heated(limits, degC, sd).first_over()
+
+
+def _inside(limits: NodeLimits, untried: Untried) -> tuple[Floats, Floats]:
+    """Temperatures of the limited nodes (B, n), and what the vector changes them by (B, n, P)."""
+    inside = [one for one in untried.model.linearise(untried.beta) if not one.series.measured]
     degC = np.column_stack([-one.series.y for one in inside])
     over = (degC > limits.degC).any(axis=1)
     blocks = int(over.argmax()) + 1 if over.any() else len(degC)
-    columns = np.concatenate([one.columns[:blocks] for one in inside])
+    return degC[:blocks], np.stack([one.columns[:blocks] for one in inside], axis=1)
+
+
+def _sd(untried: Untried, columns: Floats) -> Floats:
+    """How unsure what has these columns (..., P) is by the fit (...)."""
     size = len(untried.ground.shared)
-    shared = solve_triangular(untried.ground.lower, columns[:, :size].T, lower=True)
-    own = columns[:, size:] * untried.model.sd[size:]
+    rows = columns.reshape(-1, columns.shape[-1])
+    shared = solve_triangular(untried.ground.lower, rows[:, :size].T, lower=True)
+    own = rows[:, size:] * untried.model.sd[size:]
     variance = np.einsum("ij,ij->j", shared, shared) + np.einsum("ij,ij->i", own, own)
-    return Heated(limits, degC[:blocks], np.sqrt(variance).reshape(len(inside), blocks).T)
+    found: Floats = np.sqrt(variance).reshape(columns.shape[:-1])
+    return found
 
 
 def watched(nodes: Sequence[str], length: int) -> tuple[RecordedChannel, ...]:

@@ -16,7 +16,7 @@ from twin.planning import courses as planned_courses
 from twin.planning.chain import Day, DayStep, Wanted, plan_day
 from twin.planning.courses import BenchRange, blocks, courses, cut
 from twin.planning.detectable import Prospect
-from twin.planning.limits import heated
+from twin.planning.limits import first_over, heated
 
 HOURS = 2.0
 WANTED = "loss.magnet.speed3"
@@ -134,10 +134,8 @@ def test_a_test_is_looked_at_until_it_is_above_its_limit_and_its_band_is_what_is
     hottest = max((one for one in courses(bench) if one.words.startswith("S1")), key=lambda one: one.load.max())
     untried = chain._untried(found, bench, hottest)
     whole = heated(_at(500.0)(found).limits, untried)
-    assert whole is not None
     limits = _at(float(whole.degC.mean()))(found).limits
     until = heated(limits, untried)
-    assert until is not None
     assert len(until.high) < len(whole.high) == len(hottest.speed)
     np.testing.assert_array_equal(until.degC, whole.degC[: len(until.degC)])
     assert until.first_over() == replace(whole, limits=limits).first_over()
@@ -147,6 +145,18 @@ def test_a_test_is_looked_at_until_it_is_above_its_limit_and_its_band_is_what_is
     unknown[:known, :known] = np.linalg.inv(found.ground.known.gram)
     expected = np.sqrt(np.diag(inside.columns @ unknown @ inside.columns.T))
     np.testing.assert_allclose(whole.sd_K[:, 0], expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("share", [0.2, 0.6, 1.1])
+def test_the_block_in_which_a_limit_is_crossed_is_that_of_the_whole_band(found: Prospect, share: float) -> None:
+    bench = BenchRange.of(found.ground.fit.model.network, found.ground.fit.model.tests)
+    course = next(one for one in courses(bench) if one.words.startswith("S2") and one.load.max() > 0.0)
+    untried = chain._untried(found, bench, course)
+    whole = heated(_at(500.0)(found).limits, untried)
+    limits = _at(float(whole.degC.min() + share * np.ptp(whole.high)))(found).limits
+    over = first_over(limits, untried)
+    assert over == replace(whole, limits=limits).first_over()
+    assert (over is None) == (share > 1.0)
 
 
 def test_rests_grow_until_the_whole_day_stays_below_its_limits(
