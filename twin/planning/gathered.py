@@ -21,6 +21,7 @@ from twin.differences.everyday import everyday, of_test
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import Fit
 from twin.fitting.model import Columns, Floats, Model, Test
+from twin.planning.multiples import Multiples
 
 
 @dataclass(frozen=True)
@@ -107,15 +108,23 @@ class Untried:
         """Channel -> what it alone tells."""
         return {channel: self._without_own(_products(rows, len(self.beta))) for channel, rows in self._rows()}
 
+    @cached_property
+    def _multiples(self) -> Multiples:
+        return Multiples.of(self.ground.candidates, self.model.parameters, self.model.tests[0])
+
     def _rows(self) -> Iterator[tuple[str, Floats]]:
-        """Each channel and meter and its whitened columns (B, P + m); supposed thermometers read nothing."""
-        for part in self.model.linearise(self.beta, self.ground.candidates):
+        """Each channel and meter and its whitened columns (B, P + k), of the vector and of the candidates that are
+        `made`; supposed thermometers read nothing."""
+        for part in self.model.linearise(self.beta, self._multiples.made):
             if part.series.measured:
                 yield part.series.channel, _white(self.model, part, range(len(self.beta)))
 
-    def _without_own(self, products: Gathered) -> Gathered:
-        shared = len(self.ground.shared)
-        return _without_own(products, shared, self.model.sd[shared:])
+    def _without_own(self, made: Gathered) -> Gathered:
+        """Of all candidates, from products with those that are made."""
+        shared, place, times = len(self.ground.shared), self._multiples.place, self._multiples.times
+        cross = np.hstack([made.gram, made.cross])[:, place] * times
+        square = np.append(np.diag(made.gram), made.square)[place] * times**2
+        return _without_own(Gathered(made.gram, cross, square), shared, self.model.sd[shared:])
 
 
 def sensor_parameters(model: Model, test: Test) -> list[Parameter]:

@@ -67,3 +67,16 @@ def test_a_cause_that_came_since_the_same_tests_shows_as_in_both_diagnosed_toget
     told = ground.since_before.information()
     np.testing.assert_allclose(told, expected, rtol=1e-6, atol=1e-9 * expected.max())
     assert (told >= ground.known.information() * (1 - 1e-9)).all()
+
+
+def test_a_candidate_of_one_recorded_test_is_nothing_in_a_new_one(found: Prospect) -> None:
+    base, ground = found.ground.fit.model, found.ground
+    bench = BenchRange.of(base.network, base.tests)
+    test = bench.test(cut(next(iter(courses(bench))), LENGTHS[0]))
+    (always,) = ground.untried(test).would_tell(LENGTHS[:1])
+    place = int(always.square.argmax())
+    once = [replace(one, test=0) if i == place else one for i, one in enumerate(ground.candidates)]
+    (told,) = replace(ground, candidates=tuple(once)).untried(test).would_tell(LENGTHS[:1])
+    assert always.square[place] > 0.0
+    assert told.square[place] == 0.0
+    assert not told.cross[:, place].any()
