@@ -76,7 +76,8 @@ def main() -> None:
     tests = sum(plan["tests_weighed"] for plan in plans)
     print(
         f"a plan: {tests / len(plans):.0f} tests weighed in {np.mean(took):.0f} s of processor time, one in "
-        f"{sum(took) / tests:.3f} s: {sum(took) / tests / simulation_s:.0f} simulations of an hour"
+        f"{sum(took) / tests:.3f} s: {sum(took) / tests / simulation_s:.0f} simulations of an hour; "
+        f"in a minute {60 * tests / sum(took):.0f}"
     )
     asked.keep([asdict(row) for row in rows], args.json)
 
