@@ -1,14 +1,14 @@
 """Which values of `samples` are said a second time: `base.doubled`, as file, record and channel (null: all of them).
 
-Within a file these are records that repeat the stamp of one before in their session: specimens of a table have sessions
-of their own. Between files of a session that overlap in time (a
-log that grew and came again, two loggers of one channel) they are values of a channel that another file has at the same
-stamp: the file that begins first counts, of two that begin together the longer one. Files are read only where they
-share a channel, and only where they overlap.
+Within a file these are values of a channel that a record before has at the same stamp of the session: specimens of a
+table have sessions of their own. Between files of a session that overlap in time (a log that grew and came again, two
+loggers of one channel) they are values that another file has at the same stamp: the file that begins first counts, of
+two that begin together the longer one. Files are read only where they share a channel, and only where they overlap.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from analytics.scans import Schema, Schemas, column_names, name, text
@@ -17,6 +17,12 @@ if TYPE_CHECKING:
     import duckdb
 
 SESSION = "whyhot session"  # no signal is called so
+# Each file that repeats a stamp, and (channel, column) of what it has.
+REPEATS = """
+SELECT g.file, list((c.channel, c.column_name) ORDER BY c.place)
+FROM base.groups AS g JOIN base.channels AS c ON c.decode = g.decode AND c.group_name = g.group_name
+WHERE g.doubled GROUP BY g.file ORDER BY g.file
+"""
 # The two files, from when to when, (channel, its column in each) of what both have, and all columns of the later one.
 OVERLAPS = """
 WITH held AS (SELECT DISTINCT session, decode FROM base.session_files)
@@ -46,28 +52,37 @@ ORDER BY fa.file, fb.file
 
 def find(connection: duckdb.DuckDBPyConnection, schemas: Schemas) -> None:
     """Fill `base.doubled`."""
-    for (file,) in connection.execute("SELECT file FROM base.groups WHERE doubled ORDER BY file").fetchall():
+    for file, own in connection.execute(REPEATS).fetchall():
+        b = _has(schemas[file], "b")
+        earlier = {column: f"coalesce(bool_or({b[column]}) OVER earlier, false)" for _, column in own if column in b}
         connection.execute(
-            f"INSERT INTO base.doubled SELECT {text(file)}, record, NULL FROM ({_scan(file)}) "
-            f"QUALIFY row_number() OVER (PARTITION BY {name(SESSION)}, t_ns ORDER BY record) > 1"
+            f"INSERT INTO base.doubled SELECT {text(file)}, record, unnest(twice) "
+            f"FROM (SELECT b.record, {_twice(b, earlier, own)} AS twice FROM ({_scan(file)}) AS b "
+            f"WINDOW here AS (PARTITION BY {name(SESSION)}, t_ns ORDER BY record), earlier AS ("
+            f"PARTITION BY {name(SESSION)}, t_ns ORDER BY record ROWS BETWEEN UNBOUNDED PRECEDING AND 1 PRECEDING) "
+            "QUALIFY row_number() OVER here > 1)"
         )
-    for before, file, first_ns, last_ns, shared, own in connection.execute(OVERLAPS).fetchall():
+    for before, file, first_ns, last_ns, shared, columns in connection.execute(OVERLAPS).fetchall():
         a, b = _has(schemas[before], "a"), _has(schemas[file], "b")
         too = {other: a[one] for _, one, other in shared if one in a and other in b}
-        twice = ", ".join(
-            f"CASE WHEN {b[other]} AND {too[other]} THEN {text(channel)} END"
-            for channel, _, other in shared
-            if other in too
-        )
-        new = " OR ".join(f"{b[column]} AND NOT {too.get(column, 'false')}" for column in own if column in b)
+        channel = {other: channel for channel, _, other in shared}
         within = f"v.t_ns BETWEEN {first_ns} AND {last_ns}"
         if too:
             connection.execute(
                 f"INSERT INTO base.doubled SELECT DISTINCT {text(file)}, b.record, "
-                f"unnest(CASE WHEN {new} THEN list_distinct([{twice}]) ELSE [NULL] END) "
+                f"unnest({_twice(b, too, [(channel.get(column), column) for column in columns])}) "
                 f"FROM ({_scan(before)} AND {within}) AS a JOIN ({_scan(file)} AND {within}) AS b "
                 f"ON a.{name(SESSION)} = b.{name(SESSION)} AND a.t_ns = b.t_ns"
             )
+
+
+def _twice(has: Mapping[str, str], too: Mapping[str, str], own: Sequence[tuple[str | None, str]]) -> str:
+    """The list of channels of a row that are said already, in SQL; [NULL] where all are. Column -> whether the row
+    `has` a value, and whether it is there `too`; `own`: channel and column of all that the row may have."""
+    new = [f"{has[column]} AND NOT {too.get(column, 'false')}" for _, column in own if column in has]
+    said = [(channel, column) for channel, column in own if column in too]
+    twice = [f"CASE WHEN {has[column]} AND {too[column]} THEN {text(channel)} END" for channel, column in said]
+    return f"CASE WHEN {' OR '.join(new) or 'false'} THEN list_distinct([{', '.join(twice)}]) ELSE [NULL] END"
 
 
 def _has(columns: Schema, side: str) -> dict[str, str]:

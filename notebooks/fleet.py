@@ -117,7 +117,9 @@ def _(batch_rows, cells, folder, motor_rows, words):
         (row for row in rows if row["remaining_low_h"] is not None), key=lambda row: row["remaining_low_h"]
     )[:3]
     answer += [
-        f"{row['specimen']}: at least {row['remaining_low_h']:,.0f} h of dose left (90 %"
+        f"{row['specimen']}: past its end of life"
+        if row["remaining_high_h"] == 0
+        else f"{row['specimen']}: at least {row['remaining_low_h']:,.0f} h of dose left (90 %"
         + (")" if row["remaining_high_h"] is None else f", at most {row['remaining_high_h']:,.0f} h)")
         for row in soonest
     ]

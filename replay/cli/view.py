@@ -29,7 +29,8 @@ def run(args: argparse.Namespace) -> Answer:
 
     with Store.open(store_folder(args)) as store:
         known = facts.at(store.ledger)
-        shown = [seen(store, known, known.session(name)) for name in args.sessions]
+        named = {one.session: one for one in map(known.session, args.sessions)}  # twice named, once shown
+        shown = [seen(store, known, session) for session in named.values()]
         if args.align:
             paths = [write_aligned(shown, args.align, args.out)]
         else:

@@ -109,6 +109,24 @@ def test_a_stamp_of_another_specimen_of_the_same_table_doubles_nothing(tmp_path:
         assert ask(store, "SELECT value, doubled FROM samples ORDER BY value") == [(1, False), (2, False), (3, True)]
 
 
+def test_rows_of_one_stamp_that_say_other_channels_double_nothing(tmp_path: Path) -> None:
+    """As a logger writes a row for each channel that it has read: the last row says one channel again."""
+    head, table, channel = ONE_CHANNEL.partition("[[channel]]")
+    bench = head + table + channel + table + channel.replace('"T"', '"t"')
+    (tmp_path / "bench.toml").write_text(bench, encoding="utf-8")
+    rows = ["00Z,1,", "00Z,,2", "01Z,3,4", "01Z,5,", "01Z,,", "02Z,6,"]
+    text = "\n".join(["time,T,t", *(f"2025-10-09T08:00:{row}" for row in rows)])
+    (tmp_path / "log.csv").write_text(text + "\n", encoding="utf-8")
+    logs = [tmp_path / "log.csv"]
+    with Store.open(tmp_path / "store", create=True) as store:
+        setup = prepare(logs, tmp_path / "bench.toml", [], lambda path: pytest.fail(str(path)))
+        take_in(store, logs, setup, Override())
+        found = ask(store, "SELECT channel, value, doubled FROM samples ORDER BY value")
+    assert found == [
+        ("T", 1, False), ("t", 2, False), ("T", 3, False), ("t", 4, False), ("T", 5, True), ("T", 6, False)
+    ]  # fmt: skip
+
+
 @pytest.mark.parametrize("condition", ["true", "value <= 28", "value < 1e9", "NOT isnan(value)", "value <> 0.5"])
 def test_an_absent_value_has_no_row_whatever_is_asked(shared_store: Store, condition: str) -> None:
     rows = ask(
