@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin.diagnosis.evidence import TOLD_APART
-from twin.diagnosis.free_maps import Knots
+from twin.diagnosis.free_maps import Knots, LossMap
 from twin.diagnosis.posterior_mode import slowest_mode_s, stacked
 from twin.diagnosis.unknown import (
     SPACING_S,
@@ -46,6 +46,7 @@ class Unknown:
     inputs: Mapping[str, tuple[float, float]]
     temperature_degC: tuple[float, float]
     goes_with: tuple[str, ...]
+    map: LossMap | None = None
 
 
 def free_heats(current: Fit, maps: bool = False) -> tuple[FreeHeat, ...]:
@@ -155,9 +156,13 @@ def _of_map(current: Fit, heat: FreeHeat) -> Unknown:
     node = model.network.names.index(heat.node)
     own = np.concatenate([model.course(s, current.beta)[1][:, node] for s in range(len(model.tests))])
     watts = np.concatenate([knots.course(heat.watts, test) for test in model.tests])
-    among, temperature, ranges = active_ranges(watts - np.median(watts), own, inputs)
-    goes_with = knots.followed(heat.watts, model.tests, "torque" if "torque" in inputs else "current")
-    return Unknown(heat.node, heat.log_bayes_factor, among, ranges, temperature, goes_with)
+    usual = float(np.median(watts))
+    among, temperature, ranges = active_ranges(watts - usual, own, inputs)
+    load = "torque" if "torque" in inputs else "current"
+    goes_with = knots.followed(heat.watts, model.tests, load)
+    over = heat.watts.reshape(len(knots.speeds), -1) - usual
+    told = LossMap(knots.speeds, knots.loads, load, over, knots.seconds(model.tests))
+    return Unknown(heat.node, heat.log_bayes_factor, among, ranges, temperature, goes_with, told)
 
 
 def _over_tents(model: Model, series: Sequence[Mapping[str, Floats]]) -> dict[str, Floats]:

@@ -60,9 +60,21 @@ class Knots:
 
     def course(self, watts: Floats, test: Test) -> Floats:
         """The heat (N,) [W] of a map (q,) [W] in the steps of a test."""
-        at_speed, at_load = _hats(test.inputs["speed"], self.speeds), _hats(test.load, self.loads)
+        at_speed, at_load = self._near(test)
         found: Floats = np.einsum("ns,nl,sl->n", at_speed, at_load, watts.reshape(len(self.speeds), -1))
         return found
+
+    def seconds(self, tests: Sequence[Test]) -> Floats:
+        """How long the motor was near each knot (s, l) [s]."""
+        found: Floats = np.zeros((len(self.speeds), len(self.loads)))
+        for test in tests:
+            at_speed, at_load = self._near(test)
+            found += test.frame.step_s * at_speed.T @ at_load
+        return found
+
+    def _near(self, test: Test) -> tuple[Floats, Floats]:
+        """How near each step is to the knots of speed (N, s) and of load (N, l)."""
+        return _hats(test.inputs["speed"], self.speeds), _hats(test.load, self.loads)
 
     def followed(self, watts: Floats, tests: Sequence[Test], load: str) -> tuple[str, ...]:
         """What explains most of how a map varies over the tests, strongest first: "braking" or "driving", else "speed"
@@ -75,6 +87,18 @@ class Knots:
             return ("braking" if brakes.mean() < 0.5 else "driving",)
         by = {"speed": _share(course, _hats(speed, self.speeds)), load: _share(course, _hats(loads, self.loads))}
         return tuple(name for name in sorted(by, key=lambda name: -by[name]) if by[name] > MOST)
+
+
+@dataclass(frozen=True)
+class LossMap:
+    """A free loss map as told: `watts` (s, l) at `speeds` and `loads`, dimensionless, beside what it is most of the
+    time; `load`, the feature that the loads are; and how long the motor was near, `seconds` (s, l)."""
+
+    speeds: tuple[float, ...]
+    loads: tuple[float, ...]
+    load: str
+    watts: Floats
+    seconds: Floats
 
 
 def _hats(values: Floats, knots: Sequence[float]) -> Floats:

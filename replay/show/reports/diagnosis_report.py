@@ -18,6 +18,7 @@ from replay.show.reports.cut_plot import cut_plot
 from replay.show.reports.diagnosis_text import diagnosis_name, gain_notes, looked_at, next_commands
 from replay.show.reports.foreseen_plot import foreseen_plot
 from replay.show.reports.gain_plot import gain_bars
+from replay.show.reports.heat_map_plot import heat_maps
 from replay.show.reports.law_plot import law_plots
 from replay.show.reports.ranking import ranking
 from replay.show.reports.report import COLUMNS, LINES, ReportContext, started
@@ -80,6 +81,7 @@ def write_diagnosis_report(
         ranking=ranking(diagnosis),
         foreseen=foreseen_plot(diagnosis),
         laws=law_plots(diagnosis),
+        heat_maps=heat_maps(diagnosis),
         filtered=list(_filtered(diagnosis, shown)),
         filter_reading=READING,
         changed=_changed(diff),

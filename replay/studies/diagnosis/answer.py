@@ -131,11 +131,24 @@ class Rival:
 
 
 @dataclass(frozen=True, kw_only=True)
+class HeatOverLoad:
+    """A heat [W] over speed and load, beside what it is most of the time: a row of `watts` and of `seconds` (how long
+    the sessions were near) for each of `speed_rpm`, in it one for each of `torque_Nm`, negative while the motor brakes,
+    or, where no torque is recorded, of `current_A`."""
+
+    speed_rpm: list[float]
+    torque_Nm: list[float] = field(default_factory=list, metadata=IF_SAID)
+    current_A: list[float] = field(default_factory=list, metadata=IF_SAID)
+    watts: list[list[float]]
+    seconds: list[list[float]]
+
+
+@dataclass(frozen=True, kw_only=True)
 class UnnamedHeat:
     """A heat at a node that no candidate explains: its range [W] (cooling negative) while it is active, the range of
     each input and temperature then (name with unit -> [from, to]), and what it goes with, strongest first. `patchwork`:
     candidates that fit only together, each no name of what is there; the range [W] is then that of a heat which changes
-    slowly."""
+    slowly. `map`: of one that goes with speed and load in a way that no law has."""
 
     node: str
     watts: list[float]
@@ -143,6 +156,7 @@ class UnnamedHeat:
     goes_with: list[str]
     log_bayes_factor: float
     patchwork: list[str] = field(default_factory=list)
+    map: HeatOverLoad | None = field(default=None, metadata=IF_SAID)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,11 +10,12 @@ import numpy as np
 from ingest.facts.events import SessionRecorded
 from ingest.texts.quantities import column_suffix
 from replay.engine.results.residuals import where
-from replay.studies.diagnosis.answer import EvidenceParts, Named, Rival, Shown, Stands, UnnamedHeat
+from replay.studies.diagnosis.answer import EvidenceParts, HeatOverLoad, Named, Rival, Shown, Stands, UnnamedHeat
 from replay.studies.diagnosis.formulas import formula
 from replay.studies.diagnosis.kept_sessions import Measured
 from twin.calibration.learned import Size, size, term_of
 from twin.diagnosis.free_heats import Unknown
+from twin.diagnosis.free_maps import LossMap
 from twin.diagnosis.in_words import Plain
 from twin.diagnosis.naming import ENOUGH_SESSIONS, MOST_TERMS, Naming
 from twin.diagnosis.rounds import EVIDENT, Against, Refit, Round
@@ -266,4 +267,17 @@ def unknown_heat(heat: Unknown, network: Network, patchwork: Sequence[Refit]) ->
         goes_with=list(heat.goes_with),
         log_bayes_factor=heat.log_bayes_factor,
         patchwork=[str(refit.candidate.cause) for refit in patchwork],
+        map=_over_load(heat.map, network) if heat.map else None,
+    )
+
+
+def _over_load(found: LossMap, network: Network) -> HeatOverLoad:
+    """A map in stored units."""
+    loads = [float(load) * scale(network, found.load) for load in found.loads]
+    return HeatOverLoad(
+        speed_rpm=[float(speed) * scale(network, "speed") for speed in found.speeds],
+        torque_Nm=loads if found.load == "torque" else [],
+        current_A=loads if found.load == "current" else [],
+        watts=found.watts.tolist(),
+        seconds=found.seconds.tolist(),
     )

@@ -73,6 +73,12 @@ def test_it_is_told_that_it_goes_with_braking_and_when() -> None:
     assert unknown.goes_with == ("braking",)
     low, high = unknown.watts
     assert 0.0 < low < high < HIDDEN_W
+    told = unknown.map
+    assert told is not None and told.load == "current"
+    assert told.seconds.sum() == pytest.approx(SECONDS)
+    often = told.seconds > 60
+    braking, driving = often & (np.array(told.loads) < 0), often & (np.array(told.loads) > 0)
+    assert told.watts[braking].mean() > told.watts[driving].mean() + 20.0
 
 
 def test_a_healthy_motor_has_no_map() -> None:
