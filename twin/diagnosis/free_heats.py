@@ -15,6 +15,7 @@ from twin.diagnosis.unknown import (
     SPACING_S,
     FreeHeat,
     Response,
+    Shared,
     active_ranges,
     associations,
     correlation_in_time,
@@ -53,16 +54,13 @@ def free_heats(current: Fit, maps: bool = False) -> tuple[FreeHeat, ...]:
     """The free heat of every node about a fit, highest ln BF first (`twin.diagnosis.unknown`), and with `maps` the free
     loss map of every node among them."""
     projector, _, e0 = stacked(current, current.linearised())
-    network, tests = current.model.network, current.model.tests
-    total_W = mean_loss_W(network, tests)
-    kinds = [(_in_time(current), False)]
-    if maps and (knots := Knots.over(tests)):
-        kinds.append((_over(knots, current), True))
-    found = [
-        free_heat(node.name, own, e0, projector, total_W, is_map)
-        for responses, is_map in kinds
-        for node, own in zip(network.nodes, responses, strict=True)
-    ]
+    names = [node.name for node in current.model.network.nodes]
+    total_W = mean_loss_W(current.model.network, current.model.tests)
+    found = [free_heat(name, own, e0, projector, total_W) for name, own in zip(names, _in_time(current), strict=True)]
+    if maps and (knots := Knots.over(current.model.tests)):
+        over = [Shared(len(knots.places), e0, projector) for _ in names]
+        _add_up(over, knots, current)
+        found += [one.heat(name, knots.correlation, total_W) for name, one in zip(names, over, strict=True)]
     return tuple(sorted(found, key=lambda heat: -heat.log_bayes_factor))
 
 
@@ -95,12 +93,16 @@ def _in_time(current: Fit) -> list[list[Response]]:
     return found
 
 
-def _over(knots: Knots, current: Fit) -> list[list[Response]]:
-    """Node by node its response in all tests to a map."""
-    nodes = range(len(current.model.network.nodes))
-    parts = [one for node in nodes for one in knots.parts(node)]
-    columns = np.concatenate([_columns(current, number, parts) for number in range(len(current.model.tests))])
-    return [[Response(slice(None), knots.correlation, own)] for own in np.split(columns, len(nodes), axis=1)]
+def _add_up(over: Sequence[Shared], knots: Knots, current: Fit) -> None:
+    """Add the responses of all tests to a map at every node, one after the other."""
+    parts = [one for node in range(len(over)) for one in knots.parts(node)]
+    start = 0
+    for number in range(len(current.model.tests)):
+        columns = _columns(current, number, parts)
+        rows = slice(start, start + len(columns))
+        start = rows.stop
+        for one, own in zip(over, np.split(columns, len(over), axis=1), strict=True):
+            one.add(rows, own)
 
 
 def _columns(current: Fit, number: int, parts: Sequence[actions.PartOfHeat]) -> Floats:

@@ -76,16 +76,43 @@ def correlation_in_time(times: Array) -> Array:
 
 
 def free_heat(
-    node: str, responses: Sequence[Response], e0: Array, projector: Projector, total_loss_W: float, is_map: bool = False
+    node: str, responses: Sequence[Response], e0: Array, projector: Projector, total_loss_W: float
 ) -> FreeHeat:
     """Evidence and heights of a free heat at one node; `e0` (N,) as in `twin.diagnosis.evidence`.
 
     Sizes are shares of `total_loss_W`, the mean modelled total loss over training. Raises `EvidenceError` where that is
     not above 0.
     """
+    return _weighed(node, *_reduced(responses, e0, projector), total_loss_W, False)
+
+
+class Shared:
+    """A free heat of q heights that are the same in all tests, added up test after test: the columns of none are
+    kept."""
+
+    def __init__(self, q: int, e0: Array, projector: Projector) -> None:
+        self.e0, self.projector = e0, projector
+        self._seen = np.zeros((len(projector.lower), q))
+        self._direct, self._gram = np.zeros(q), np.zeros((q, q))
+
+    def add(self, rows: slice, columns: Array) -> None:
+        """What a test's `rows` among all respond to 1 W of each height, whitened (n, q)."""
+        self._seen += self.projector.seen(columns, rows)
+        self._direct += columns.T @ self.e0[rows]
+        self._gram += columns.T @ columns
+
+    def heat(self, node: str, correlation: Array, total_loss_W: float) -> FreeHeat:
+        """Evidence and heights, alike as `correlation` (q, q) says. Raises as `free_heat`."""
+        factor = cholesky(correlation, lower=True)
+        s = self._direct - self._seen.T @ self.projector.seen(self.e0)
+        m = self._gram - self._seen.T @ self._seen
+        return _weighed(node, factor, factor.T @ s, factor.T @ m @ factor, total_loss_W, True)
+
+
+def _weighed(node: str, factor: Array, s: Array, m: Array, total_loss_W: float, is_map: bool) -> FreeHeat:
+    """By K (q, q), s (q,) and M (q, q)."""
     if not total_loss_W > 0:
         raise EvidenceError(f"mean total loss {total_loss_W:g} W: a free heat is sized by a loss above 0")
-    factor, s, m = _reduced(responses, e0, projector)
     values, vectors = eigh(m)
     values, turned = np.maximum(values, 0.0), vectors.T @ s
     sizes = SIZES * total_loss_W

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from made import motor as made
-from twin.diagnosis.free_heats import _over, as_parameters, describe, free_heats
+from twin.diagnosis.free_heats import as_parameters, describe, free_heats
 from twin.diagnosis.free_maps import LOADS, SPEEDS, Knots
 from twin.diagnosis.posterior_mode import stacked
-from twin.differences.everyday import everyday
+from twin.diagnosis.unknown import Response, free_heat
+from twin.differences.everyday import everyday, mean_loss_W
 from twin.fitting.fit import Fit, fit
 from twin.fitting.model import Floats, Model, Test
 from twin.fitting.noise import ChannelNoise
@@ -99,16 +100,22 @@ def test_a_map_holds_every_step_and_its_heights_add_up_to_it() -> None:
     np.testing.assert_allclose(knots.course(np.ones(SPEEDS * LOADS), test), 1.0)
 
 
-def test_rows_of_a_map_are_those_of_its_parameters() -> None:
-    fitted = _fitted()
-    heat = free_heats(fitted, maps=True)[0]
+def test_a_map_that_is_added_up_test_by_test_is_that_of_all_rows_at_once() -> None:
+    """Against one linearisation of two tests with the map's own parameters."""
+    one = _fitted()
+    tests = [*one.model.tests, replace(one.model.tests[0], load=np.abs(one.model.tests[0].load))]
+    fitted = fit(Model(one.model.network, tests, one.model.parameters, one.model.noise), one.beta, linearisations=1)
+    heat = next(heat for heat in free_heats(fitted, maps=True) if heat.is_map)
     wanted = as_parameters(fitted, heat)
     assert {parameter.test for parameter in wanted} == {None}, "it is the same in every test"
-    _, whole, _ = stacked(fitted, fitted.model.linearise(fitted.beta, wanted))
-    knots = Knots.over(fitted.model.tests)
+    projector, whole, e0 = stacked(fitted, fitted.model.linearise(fitted.beta, wanted))
+    knots = Knots.over(tests)
     assert knots is not None
-    (response,) = _over(knots, fitted)[made.MAGNET]
-    np.testing.assert_allclose(response.columns, whole, rtol=1e-3, atol=1e-6)
+    response = Response(slice(None), knots.correlation, whole)
+    total_W = mean_loss_W(fitted.model.network, tests)
+    expected = free_heat(heat.node, [response], e0, projector, total_W)
+    assert heat.log_bayes_factor == pytest.approx(expected.log_bayes_factor, rel=1e-4)
+    np.testing.assert_allclose(heat.watts, expected.watts, rtol=1e-2, atol=0.05)
 
 
 @pytest.mark.parametrize(
