@@ -15,7 +15,7 @@ from twin.diagnosis.unknown import (
     SPACING_S,
     FreeHeat,
     Response,
-    Shared,
+    SumsOverTests,
     active_ranges,
     associations,
     correlation_in_time,
@@ -58,7 +58,7 @@ def free_heats(current: Fit, maps: bool = False) -> tuple[FreeHeat, ...]:
     total_W = mean_loss_W(current.model.network, current.model.tests)
     found = [free_heat(name, own, e0, projector, total_W) for name, own in zip(names, _in_time(current), strict=True)]
     if maps and (knots := Knots.over(current.model.tests)):
-        over = [Shared(len(knots.places), e0, projector) for _ in names]
+        over = [SumsOverTests(len(knots.places), e0, projector) for _ in names]
         _add_up(over, knots, current)
         found += [one.heat(name, knots.correlation, total_W) for name, one in zip(names, over, strict=True)]
     return tuple(sorted(found, key=lambda heat: -heat.log_bayes_factor))
@@ -93,7 +93,7 @@ def _in_time(current: Fit) -> list[list[Response]]:
     return found
 
 
-def _add_up(over: Sequence[Shared], knots: Knots, current: Fit) -> None:
+def _add_up(over: Sequence[SumsOverTests], knots: Knots, current: Fit) -> None:
     """Add the responses of all tests to a map at every node, one after the other."""
     parts = [one for node in range(len(over)) for one in knots.parts(node)]
     start = 0

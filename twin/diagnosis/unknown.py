@@ -86,7 +86,7 @@ def free_heat(
     return _weighed(node, *_reduced(responses, e0, projector), total_loss_W, False)
 
 
-class Shared:
+class SumsOverTests:
     """A free heat of q heights that are the same in all tests, added up test after test: the columns of none are
     kept."""
 
