@@ -115,6 +115,10 @@ class Facts:
         """The sessions with records of these logs, in order."""
         return [one for one in self.sessions if any(file["raw"] in raws for file in one.files)]
 
+    def named(self, texts: Iterable[str]) -> list[SessionRecorded]:
+        """The sessions of these ids or names, in their order, each once. Raises as `session`."""
+        return [*{one.session: one for one in map(self.session, texts)}.values()]
+
     def session(self, text: str) -> SessionRecorded:
         """The current session with this id (old ones too), beginning of one, or name. Raises UnknownSessionError."""
         current = {session.session: session for session in self.sessions}

@@ -53,7 +53,7 @@ def sessions_of(known: Facts, texts: Sequence[str]) -> list[SessionRecorded]:
     question."""
     from ingest.facts.sessions import order
 
-    return sorted({one.session: one for one in map(known.session, texts)}.values(), key=order)
+    return sorted(known.named(texts), key=order)
 
 
 def left_out(store: Store, known: Facts, sessions: Sequence[SessionRecorded], model: str) -> list[str]:

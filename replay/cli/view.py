@@ -29,8 +29,7 @@ def run(args: argparse.Namespace) -> Answer:
 
     with Store.open(store_folder(args)) as store:
         known = facts.at(store.ledger)
-        named = {one.session: one for one in map(known.session, args.sessions)}  # twice named, once shown
-        shown = [seen(store, known, session) for session in named.values()]
+        shown = [seen(store, known, session) for session in known.named(args.sessions)]
         if args.align:
             paths = [write_aligned(shown, args.align, args.out)]
         else:

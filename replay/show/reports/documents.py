@@ -36,8 +36,7 @@ def write_replay_report(
 ) -> list[Run]:
     """The report of the latest run of each session (all replayed ones where none is named), with the model of id
     `model`, None for any; returns these runs. Raises ReplayDataError where a session has no such run."""
-    named = {one.session: one for one in map(facts.session, sessions)}  # a session that is named twice counts once
-    chosen = [*named.values()] or [one for one in facts.sessions if latest_run(facts, one, model)]
+    chosen = facts.named(sessions) or [one for one in facts.sessions if latest_run(facts, one, model)]
     if not chosen:
         raise ReplayDataError(f"no session of this store was replayed{_with(facts, model)}, then report.")
     runs = [load_run(store, facts, _run_of(facts, session, model)) for session in chosen]
