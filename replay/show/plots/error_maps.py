@@ -126,8 +126,14 @@ def _draw_map(axes: Axes, node: str, cells: Cells, colours: ScalarMappable) -> N
     axes.set_xlim(cells.x_edges[0], cells.x_edges[-1])
     axes.set_ylim(cells.y_edges[0], cells.y_edges[-1])
     axes.xaxis.set_major_formatter(lambda value, _: words.number(value))
-    for i, j in np.argwhere(np.isfinite(cells.mean)):
-        x, y, value = cells.x_edges[i : i + 2], cells.y_edges[j : j + 2], cells.mean[i, j]
+    draw_cells(axes, cells.x_edges, cells.y_edges, cells.mean, colours)
+
+
+def draw_cells(axes: Axes, x_edges: Floats, y_edges: Floats, values: Floats, colours: ScalarMappable) -> None:
+    """Draw `values` (X, Y) in the cells of `x_edges` (X + 1,) and `y_edges` (Y + 1,), each with its number; none where
+    it is NaN."""
+    for i, j in np.argwhere(np.isfinite(values)):
+        x, y, value = x_edges[i : i + 2], y_edges[j : j + 2], values[i, j]
         axes.fill([x[0], x[1], x[1], x[0]], [y[0], y[0], y[1], y[1]], facecolor=colours.to_rgba(value), linewidth=0)
         axes.text(x.mean(), y.mean(), words.signed(value), ha="center", va="center", fontsize=7, color="#000000")
 

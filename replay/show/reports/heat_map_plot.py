@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from replay.show.plots.cells import ENOUGH_S
-from replay.show.plots.error_maps import residual_colours
+from replay.show.plots.error_maps import draw_cells, residual_colours
 from replay.show.plots.plots import WIDTH
 from replay.show.reports import verdict
 from replay.show.words import words
@@ -39,11 +39,7 @@ def _plot(diagnosis: Diagnosis, heat: UnnamedHeat, found: HeatOverLoad) -> Plot:
         axes.grid(False)
         colours = residual_colours(max(1.0, float(np.abs(watts[there]).max(initial=0.0))))
         x, y = _edges(speeds), _edges(loads)
-        for i, j in np.argwhere(there):
-            corners = [x[i], x[i + 1], x[i + 1], x[i]], [y[j], y[j], y[j + 1], y[j + 1]]
-            axes.fill(*corners, facecolor=colours.to_rgba(watts[i, j]), linewidth=0)
-            middle = (x[i] + x[i + 1]) / 2, (y[j] + y[j + 1]) / 2
-            axes.text(*middle, words.signed(watts[i, j]), ha="center", va="center", fontsize=7, color="#000000")
+        draw_cells(axes, x, y, np.where(there, watts, np.nan), colours)
         axes.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]), xlabel="speed [rpm]", ylabel=f"{name} [{unit}]")
         axes.xaxis.set_major_formatter(lambda value, _: words.number(value))
         scale = figure.colorbar(colours, cax=figure.add_axes((0.89, 0.18, 0.015, 0.77)))
