@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from twin.diagnosis.evidence import TOLD_APART
+from twin.diagnosis.evidence import TOLD_APART, Projector
 from twin.diagnosis.free_maps import Knots, LossMap
 from twin.diagnosis.posterior_mode import slowest_mode_s, stacked
 from twin.diagnosis.unknown import (
@@ -58,8 +58,7 @@ def free_heats(current: Fit, maps: bool = False) -> tuple[FreeHeat, ...]:
     total_W = mean_loss_W(current.model.network, current.model.tests)
     found = [free_heat(name, own, e0, projector, total_W) for name, own in zip(names, _in_time(current), strict=True)]
     if maps and (knots := Knots.over(current.model.tests)):
-        over = [SumsOverTests(len(knots.places), e0, projector) for _ in names]
-        _add_up(over, knots, current)
+        over = _over(knots, current, projector, e0)
         found += [one.heat(name, knots.correlation, total_W) for name, one in zip(names, over, strict=True)]
     return tuple(sorted(found, key=lambda heat: -heat.log_bayes_factor))
 
@@ -80,37 +79,38 @@ def as_parameters(current: Fit, heat: FreeHeat) -> list[Parameter]:
 
 def _in_time(current: Fit) -> list[list[Response]]:
     """Node by node its responses in every test to heat in time."""
-    nodes = range(len(current.model.network.nodes))
-    found: list[list[Response]] = [[] for _ in nodes]
-    start = 0
-    for number in range(len(current.model.tests)):
-        alike = correlation_in_time(_times(current.model, number))
-        columns = _columns(current, number, [one for node in nodes for one in _tents(current.model, number, node)])
-        rows = slice(start, start + len(columns))
-        start = rows.stop
-        for node, own in enumerate(np.split(columns, len(nodes), axis=1)):
-            found[node].append(Response(rows, alike, own))
+    model = current.model
+    found: list[list[Response]] = [[] for _ in model.network.nodes]
+    for number, (rows, by_node) in enumerate(_responding(current, lambda test, node: _tents(model, test, node))):
+        alike = correlation_in_time(_times(model, number))
+        for responses, columns in zip(found, by_node, strict=True):
+            responses.append(Response(rows, alike, columns))
     return found
 
 
-def _add_up(over: Sequence[SumsOverTests], knots: Knots, current: Fit) -> None:
-    """Add the responses of all tests to a map at every node, one after the other."""
-    parts = [one for node in range(len(over)) for one in knots.parts(node)]
-    start = 0
-    for number in range(len(current.model.tests)):
-        columns = _columns(current, number, parts)
+def _over(knots: Knots, current: Fit, projector: Projector, e0: Floats) -> list[SumsOverTests]:
+    """Node by node its responses to a map, added up over the tests."""
+    found = [SumsOverTests(len(knots.places), e0, projector) for _ in current.model.network.nodes]
+    for rows, by_node in _responding(current, lambda _, node: knots.parts(node)):
+        for sums, columns in zip(found, by_node, strict=True):
+            sums.add(rows, columns)
+    return found
+
+
+def _responding(
+    current: Fit, parts: Callable[[int, int], Sequence[actions.PartOfHeat]]
+) -> Iterator[tuple[slice, list[Floats]]]:
+    """Test after test its rows, in the order of `Fit.series`, and node by node how these respond to 1 W of each of its
+    `parts` (by the numbers of test and node), whitened (n, q)."""
+    nodes, start = range(len(current.model.network.nodes)), 0
+    for number, test in enumerate(current.model.tests):
+        model, at = alone(current.model, number, test)
+        heats = [Parameter("heat", part, 1.0) for node in nodes for part in parts(number, node)]
+        found = model.linearise(current.beta[at], heats)
+        columns = np.concatenate([model.whitened(part.series, part.extra) for part in found])
         rows = slice(start, start + len(columns))
         start = rows.stop
-        for one, own in zip(over, np.split(columns, len(over), axis=1), strict=True):
-            one.add(rows, own)
-
-
-def _columns(current: Fit, number: int, parts: Sequence[actions.PartOfHeat]) -> Floats:
-    """How the whitened rows of a test, in the order of `Fit.series`, respond to 1 W of each part (n, q)."""
-    model, at = alone(current.model, number, current.model.tests[number])
-    heats = [Parameter(f"heat.{i}", part, 1.0) for i, part in enumerate(parts)]
-    found = model.linearise(current.beta[at], heats)
-    return np.concatenate([model.whitened(part.series, part.extra) for part in found])
+        yield rows, np.split(columns, len(nodes), axis=1)
 
 
 def _tents(model: Model, number: int, node: int) -> list[actions.HeatTent]:
@@ -161,7 +161,7 @@ def _of_map(current: Fit, heat: FreeHeat) -> Unknown:
     usual = float(np.median(watts))
     among, temperature, ranges = active_ranges(watts - usual, own, inputs)
     load = "torque" if "torque" in inputs else "current"
-    goes_with = knots.followed(heat.watts, model.tests, load)
+    goes_with = knots.followed(watts, model.tests, load)
     over = heat.watts.reshape(len(knots.speeds), -1) - usual
     told = LossMap(knots.speeds, knots.loads, load, over, knots.seconds(model.tests))
     return Unknown(heat.node, heat.log_bayes_factor, among, ranges, temperature, goes_with, told)

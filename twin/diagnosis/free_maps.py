@@ -76,10 +76,9 @@ class Knots:
         """How near each step is to the knots of speed (N, s) and of load (N, l)."""
         return _hats(test.inputs["speed"], self.speeds), _hats(test.load, self.loads)
 
-    def followed(self, watts: Floats, tests: Sequence[Test], load: str) -> tuple[str, ...]:
-        """What explains most of how a map varies over the tests, strongest first: "braking" or "driving", else "speed"
-        and the feature that `load` is."""
-        course = np.concatenate([self.course(watts, test) for test in tests])
+    def followed(self, course: Floats, tests: Sequence[Test], load: str) -> tuple[str, ...]:
+        """What explains most of how a `course` (N,) varies over all steps of the tests, strongest first: "braking" or
+        "driving", else "speed" and the feature that `load` is."""
         speed = np.concatenate([test.inputs["speed"] for test in tests])
         loads = np.concatenate([test.load for test in tests])
         brakes = loads < 0.0

@@ -24,6 +24,8 @@ from twin.diagnosis.evidence import Projector
 from twin.errors import EvidenceError
 from twin.fitting.noise import Array
 
+Range = tuple[float, float]
+
 SPACING_S = 300.0
 CORRELATION_S = 900.0  # of the heights: three tents
 SIZES = np.geomspace(0.005, 0.08, 5)  # of the mean modelled total loss
@@ -197,9 +199,6 @@ def _resampled(q: int, block: int) -> Sequence[Array]:
     starts = np.random.default_rng(0).integers(q, size=(BOOTSTRAP_DRAWS, -(-q // block)))
     runs = (starts[:, :, None] + np.arange(block)) % q
     return list(runs.reshape(BOOTSTRAP_DRAWS, -1)[:, :q])
-
-
-Range = tuple[float, float]
 
 
 def active_ranges(

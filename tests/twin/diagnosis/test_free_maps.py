@@ -131,4 +131,4 @@ def test_what_a_map_goes_with(by: object, told: tuple[str, ...]) -> None:
     knots = Knots.over([test])
     assert knots is not None and callable(by)
     speed, load = np.meshgrid(knots.speeds, knots.loads, indexing="ij")
-    assert knots.followed(by(speed, load).ravel(), [test], "torque") == told
+    assert knots.followed(knots.course(by(speed, load).ravel(), test), [test], "torque") == told
