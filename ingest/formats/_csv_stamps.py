@@ -261,5 +261,6 @@ def _offset_ns(text: str) -> int:
     """By how much a zone is before UTC: `+01`, `+0530`, `UTC+5:30`, `CET`; 0 where it is none."""
     if not text or text in ZONES:
         return ZONES.get(text, 0) * 60 * MINUTE_NS
-    sign, hours, minutes = re.fullmatch(r"\D*([+-])(\d{1,2}):?(\d{2})?", text).groups()  # type: ignore[union-attr]
-    return int(f"{sign}1") * (int(hours) * 60 + int(minutes or 0)) * MINUTE_NS
+    digits = re.sub(r"\D", "", text)
+    hours, minutes = (digits[:-2], digits[-2:]) if len(digits) > 2 else (digits, "0")
+    return (-1 if "-" in text else 1) * (int(hours) * 60 + int(minutes)) * MINUTE_NS

@@ -77,7 +77,7 @@ class CandumpLog(FrameLines):
         if match is None:
             return "is a CAN XL frame" if XL_LINE.match(line) else "is no line of a candump log"
         stamp, name, digits, body, way = match.groups()
-        t_ns = self._time(stamp) or 0
+        t_ns = self._seconds(stamp)
         number, extended = int(digits, 16), len(digits) == EXTENDED_DIGITS
         if extended and number & ERROR_BIT:
             return ERROR_FRAME
@@ -87,7 +87,7 @@ class CandumpLog(FrameLines):
 
     def _shown(self, match: re.Match[str]) -> OneFrame | str:
         stamp, bus, way, digits, count, body = match.groups()
-        t_ns = self._time(stamp)
+        t_ns = self._dated(stamp) if "-" in stamp else self._seconds(stamp)
         if t_ns is None:
             return f'has the stamp "{stamp}", which is no date of a log'
         number, extended = int(digits, 16), len(digits) == EXTENDED_DIGITS
@@ -99,20 +99,22 @@ class CandumpLog(FrameLines):
             flags, data = flags | REMOTE, b""
         return frame_of(t_ns, self._bus(bus), identifier(number, extended), flags, data)
 
-    def _time(self, stamp: str) -> int | None:
-        """A stamp [ns]; None where it is a date that there is not, or that no log is from."""
-        if "-" in stamp:
-            date, _, part = stamp.partition(".")
-            try:
-                whole = self.time.wall_ns(datetime.fromisoformat(date))
-            except ValueError:
-                return None
-            self.settings["time"] = f"date of the recorder in {self.time.zone}"
-            return None if whole is None else whole + nanoseconds(f"0.{part}")
-        if self._before_ns is not None:
-            self._before_ns += nanoseconds(stamp)
-            return self._before_ns
-        return nanoseconds(stamp)
+    def _dated(self, stamp: str) -> int | None:
+        """A stamp that is a date [ns]; None where there is no such date, or no log is from it."""
+        date, _, part = stamp.partition(".")
+        try:
+            whole = self.time.wall_ns(datetime.fromisoformat(date))
+        except ValueError:
+            return None
+        self.settings["time"] = f"date of the recorder in {self.time.zone}"
+        return None if whole is None else whole + nanoseconds(f"0.{part}")
+
+    def _seconds(self, stamp: str) -> int:
+        """A stamp in seconds [ns], added up where it tells the time since the frame before."""
+        if self._before_ns is None:
+            return nanoseconds(stamp)
+        self._before_ns += nanoseconds(stamp)
+        return self._before_ns
 
     def _bus(self, name: str) -> int:
         if name not in self._buses:
