@@ -209,8 +209,7 @@ def fill(
         parts = partitions.create(connection, kept.folder if kept else None, code)
         scans.check(connection, named)
     except Exception:  # damage shows in many ways
-        with contextlib.suppress(duckdb.Error):
-            connection.rollback()  # else nothing more can be asked
+        connection.rollback()  # else nothing more can be asked
         scans.check(connection, named)
         raise
     finally:
