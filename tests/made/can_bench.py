@@ -129,10 +129,14 @@ def drive(seconds: int, seed: int) -> tuple[Floats, Floats]:
     return speed[: 10 * seconds], current[: 10 * seconds]
 
 
-def truth(speed: Floats, current: Floats, coolant: float, magnet_loss: float = 30.0) -> Floats:
-    """Temperatures (seconds + 1, 3) of winding, yoke, magnet each second, from 25 degC, inputs held for 0.1 s."""
+def truth(
+    speed: Floats, current: Floats, coolant: float, magnet_loss: float = 30.0, in_magnet_W: Floats | None = None
+) -> Floats:
+    """Temperatures (seconds + 1, 3) of winding, yoke, magnet each second, from 25 degC, inputs held for 0.1 s.
+    `in_magnet_W`: a heat in the magnet besides."""
+    more_W = np.zeros(speed.size) if in_magnet_W is None else in_magnet_W
 
-    def slope(n: float, i: float) -> Callable[[float, Floats], list[float]]:
+    def slope(n: float, i: float, more: float) -> Callable[[float, Floats], list[float]]:
         s, c, gap = n / 6000.0, i / 20.0, 1.0 + 2.0 * (n / 6000.0) ** 0.8
 
         def rate(_: float, t: Floats) -> list[float]:
@@ -140,20 +144,20 @@ def truth(speed: Floats, current: Floats, coolant: float, magnet_loss: float = 3
             return [
                 (copper + 12.0 * (t[1] - t[0])) / 900.0,
                 (90.0 * s**1.5 + 12.0 * (t[0] - t[1]) + 25.0 * (coolant - t[1]) + gap * (t[2] - t[1])) / 3500.0,
-                (magnet_loss * s * s + gap * (t[1] - t[2])) / 1200.0,
+                (magnet_loss * s * s + more + gap * (t[1] - t[2])) / 1200.0,
             ]
 
         return rate
 
     temperatures = np.empty((speed.size // 10 + 1, 3))
     temperatures[0] = 25.0
-    edges = np.flatnonzero(np.diff(speed) + np.diff(current) != 0) + 1
+    edges = np.flatnonzero((np.diff(speed) != 0) | (np.diff(current) != 0) | (np.diff(more_W) != 0)) + 1
     state, at = temperatures[0].copy(), 0
     for end in [*edges.tolist(), speed.size]:
         whole = np.arange(-(-at // 10), end // 10 + 1)
         times = np.unique(np.append(whole / 10.0 * 10.0, end / 10.0))
         solved = solve_ivp(
-            slope(speed[at], current[at]),
+            slope(speed[at], current[at], more_W[at]),
             (at / 10.0, end / 10.0),
             state,
             t_eval=times[times >= at / 10.0],

@@ -1,4 +1,4 @@
-"""Hats: what one knot of a piecewise linear function adds to it."""
+"""Hats: what the knots of a piecewise linear function add to it."""
 
 from __future__ import annotations
 
@@ -18,3 +18,14 @@ def hat(values: Floats, knots: Sequence[float], place: int) -> Floats:
     array([0.  , 0.75, 0.5 , 0.  ])
     """
     return np.asarray(np.interp(values, knots, np.eye(len(knots))[place]))
+
+
+def hats(values: Floats, knots: Sequence[float]) -> Floats:
+    """(N, q): how near each value is to each knot; a row adds up to 1.
+
+    >>> import numpy as np
+    >>> hats(np.array([0.75, 9.0]), (0.0, 1.0, 2.0))
+    array([[0.25, 0.75, 0.  ],
+           [0.  , 0.  , 1.  ]])
+    """
+    return np.column_stack([hat(values, knots, place) for place in range(len(knots))])

@@ -14,7 +14,7 @@ from twin.fitting import actions
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import Fit, Floats
 from twin.motor import features
-from twin.motor.network import LEAST_FACTOR, NOBODY, Link, Network, Node, Shape, Source, TemperatureFactor, Term
+from twin.motor.network import LEAST_FACTOR, NOBODY, Link, Map, Network, Node, Shape, Source, TemperatureFactor, Term
 from twin.motor.sensor_laws import Lag, Misreading
 
 REFERENCE_DIGITS = 1  # of a temperature that a slope is written about
@@ -34,6 +34,7 @@ def network_of(found: Fit, monomials: Sequence[features.Monomial]) -> Network:
     links = [replace(link, terms=tuple(terms.pop(0) for _ in link.terms)) for link in network.links]
     sources = [replace(source, terms=tuple(terms.pop(0) for _ in source.terms)) for source in network.sources]
     nodes = [_node(node, i, found) for i, node in enumerate(network.nodes)]
+    maps: dict[actions.HeatMap, Floats] = {}
     for amount, parameter in zip(beta.tolist(), found.model.parameters, strict=True):
         match parameter.action:
             case actions.Added(places, feature, rms) as added:
@@ -45,16 +46,24 @@ def network_of(found: Fit, monomials: Sequence[features.Monomial]) -> Network:
                     name = f"{network.nodes[i].name}_attached"
                     nodes.append(Node(name, amount, network.nodes[i].region))
                     links.append(Link(network.nodes[i].name, name, (Term(amount / lag_s),)))
+            case actions.HeatMap() as part:
+                flat = replace(part, heights=())
+                maps[flat] = maps.get(flat, np.zeros(1)) + amount * np.array(part.heights)
             case actions.Scale() | actions.Power() | actions.Tent() | actions.Tilt() | actions.Capacity():
                 pass  # said by the terms and nodes that are there
             case actions.Course() | actions.InputGain() | actions.InputBias() | actions.BoundaryBias():
                 pass  # no part of a motor, like what follows
-            case actions.Start() | actions.HeatTent() | actions.HeatKnot() | Misreading() | Lag() | actions.Beside():
+            case actions.Start() | actions.HeatTent() | Misreading() | Lag() | actions.Beside():
                 pass
             case actions.Late() | actions.Slowed():
                 pass
             case _:
                 assert_never(parameter.action)
+    for part, watts in maps.items():
+        if part.sayable:
+            rows = watts.reshape(len(part.speeds), -1).tolist()
+            term = Term(1.0, shape=Map(part.speeds, part.loads, tuple(map(tuple, rows)), part.load))
+            _add(network.names, actions.Place(part.node), term, links, sources)
     return replace(network, nodes=tuple(nodes), links=tuple(links), sources=tuple(sources))
 
 

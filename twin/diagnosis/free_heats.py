@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -57,9 +57,19 @@ def free_heats(current: Fit, maps: bool = False) -> tuple[FreeHeat, ...]:
     names = [node.name for node in current.model.network.nodes]
     total_W = mean_loss_W(current.model.network, current.model.tests)
     found = [free_heat(name, own, e0, projector, total_W) for name, own in zip(names, _in_time(current), strict=True)]
-    if maps and (knots := Knots.over(current.model.tests)):
-        over = _over(knots, current, projector, e0)
-        found += [one.heat(name, knots.correlation, total_W) for name, one in zip(names, over, strict=True)]
+    found += free_maps(current) if maps else ()
+    return tuple(sorted(found, key=lambda heat: -heat.log_bayes_factor))
+
+
+def free_maps(current: Fit) -> tuple[FreeHeat, ...]:
+    """The free loss map of every node about a fit, highest ln BF first; none where nobody knows speed and load."""
+    if not (knots := Knots.of(current.model.tests)):
+        return ()
+    projector, _, e0 = stacked(current, current.linearised())
+    names = [node.name for node in current.model.network.nodes]
+    total_W = mean_loss_W(current.model.network, current.model.tests)
+    over = zip(names, _over(knots, current, projector, e0), strict=True)
+    found = [one.heat(name, knots.correlation, total_W) for name, one in over]
     return tuple(sorted(found, key=lambda heat: -heat.log_bayes_factor))
 
 
@@ -68,13 +78,21 @@ def as_parameters(current: Fit, heat: FreeHeat) -> list[Parameter]:
     node = current.model.network.names.index(heat.node)
     sd = float(np.sqrt(np.mean(heat.watts**2 + heat.sd**2)))
     if heat.is_map:
-        parts = _knots(current.model).parts(node)
-        return [Parameter(f"heat.{heat.node}.{one.speed}.{one.load}", one, sd) for one in parts]
+        knots = knots_of(current.model)
+        return [Parameter(f"heat.{heat.node}.{i}", one, sd) for i, one in enumerate(knots.parts(node, knots.alike))]
     return [
         Parameter(f"heat.{heat.node}.{one.time_s:g}", one, sd, number)
         for number in range(len(current.model.tests))
         for one in _tents(current.model, number, node)
     ]
+
+
+def as_fitted(found: Fit, heat: FreeHeat) -> FreeHeat:
+    """A heat as a fit has it that it stands among the parameters of (`as_parameters`)."""
+    own = [p for p, one in enumerate(found.model.parameters) if isinstance(one.action, actions.PartOfHeat)]
+    maps = knots_of(found.model).alike if heat.is_map else np.eye(len(own))
+    covariance = np.linalg.inv(found.hessian)[np.ix_(own, own)]
+    return replace(heat, watts=maps @ found.beta[own], sd=np.sqrt(np.einsum("ik,kl,il->i", maps, covariance, maps)))
 
 
 def _in_time(current: Fit) -> list[list[Response]]:
@@ -90,8 +108,9 @@ def _in_time(current: Fit) -> list[list[Response]]:
 
 def _over(knots: Knots, current: Fit, projector: Projector, e0: Floats) -> list[SumsOverTests]:
     """Node by node its responses to a map, added up over the tests."""
-    found = [SumsOverTests(len(knots.places), e0, projector) for _ in current.model.network.nodes]
-    for rows, by_node in _responding(current, lambda _, node: knots.parts(node)):
+    each = np.eye(len(knots.correlation))
+    found = [SumsOverTests(len(each), e0, projector) for _ in current.model.network.nodes]
+    for rows, by_node in _responding(current, lambda _, node: knots.parts(node, each)):
         for sums, columns in zip(found, by_node, strict=True):
             sums.add(rows, columns)
     return found
@@ -117,9 +136,9 @@ def _tents(model: Model, number: int, node: int) -> list[actions.HeatTent]:
     return [actions.HeatTent(node, float(time_s), SPACING_S) for time_s in _times(model, number)]
 
 
-def _knots(model: Model) -> Knots:
+def knots_of(model: Model) -> Knots:
     """Those of a model that has a map."""
-    found = Knots.over(model.tests)
+    found = Knots.of(model.tests)
     assert found is not None, "a map was found over them"
     return found
 
@@ -149,7 +168,7 @@ def describe(current: Fit, heat: FreeHeat) -> Unknown:
 def _of_map(current: Fit, heat: FreeHeat) -> Unknown:
     """A map as the motor ran through it, step by step, beside what it is most of the time: a heat that is always there
     is taken for more of the node's own losses."""
-    model, knots = current.model, _knots(current.model)
+    model, knots = current.model, knots_of(current.model)
     inputs = {
         name: np.concatenate([test.inputs[name] for test in model.tests])
         for name in model.tests[0].inputs
@@ -160,10 +179,9 @@ def _of_map(current: Fit, heat: FreeHeat) -> Unknown:
     watts = np.concatenate([knots.course(heat.watts, test) for test in model.tests])
     usual = float(np.median(watts))
     among, temperature, ranges = active_ranges(watts - usual, own, inputs)
-    load = "torque" if "torque" in inputs else "current"
-    goes_with = knots.followed(watts, model.tests, load)
+    goes_with = knots.followed(watts, model.tests)
     over = heat.watts.reshape(len(knots.speeds), -1) - usual
-    told = LossMap(knots.speeds, knots.loads, load, over, knots.seconds(model.tests))
+    told = LossMap(knots.speeds, knots.loads, knots.load, over, knots.seconds(model.tests))
     return Unknown(heat.node, heat.log_bayes_factor, among, ranges, temperature, goes_with, told)
 
 

@@ -12,51 +12,61 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import cholesky
 
-from twin.arithmetic.hats import hat
-from twin.fitting.actions import HeatKnot
+from twin.arithmetic.hats import hats
+from twin.fitting.actions import HeatMap
 from twin.fitting.model import Floats, Test
 
-SPEEDS, LOADS = 9, 5  # knots, from 0 to the highest speed and from braking as hard as ever to driving so
+SPEEDS, LOADS = 9, 5  # knots, to the highest speed and load, from 0 or from braking as hard as the motor ever drives
+BRAKES = 0.1  # of the highest load: a motor that brakes less does not
 ALIKE = 2.0  # knots over which heights are alike: a quarter of all speeds, half of all loads
 MOST = 0.5  # of how a heat varies: what explains as much is what it goes with
 
 
 @dataclass(frozen=True)
 class Knots:
-    """Where the heights of a map stand: `speeds` and `loads`, dimensionless, each rising. Heights are counted load by
-    load within speed: of 9 and 5 the second has the lowest speed and the second lowest load."""
+    """Where the heights of a map stand: `speeds` and `loads`, dimensionless, each rising; `load`: of which feature, the
+    torque or the current. Heights are counted load by load within speed: of 9 and 5 the second has the lowest speed and
+    the second lowest load."""
 
     speeds: tuple[float, ...]
     loads: tuple[float, ...]
+    load: str
 
     @classmethod
-    def over(cls, tests: Sequence[Test]) -> Knots | None:
-        """Those that hold all steps of the tests; None where one of them has no speed or load, or none ever turns."""
+    def of(cls, tests: Sequence[Test]) -> Knots | None:
+        """Those that hold all steps of the tests; None where one of them has no speed or load, or another load than the
+        rest, or none ever turns."""
         if not all("speed" in test.inputs and test.load.size for test in tests):
+            return None
+        if len({test.load_is_torque for test in tests}) > 1:
             return None
         fastest = max(float(test.inputs["speed"].max()) for test in tests)
         hardest = max(float(np.abs(test.load).max()) for test in tests)
         if not (fastest > 0.0 and hardest > 0.0):
             return None
-        speeds, loads = np.linspace(0.0, fastest, SPEEDS), np.linspace(-hardest, hardest, LOADS)
-        return cls(tuple(speeds.tolist()), tuple(loads.tolist()))
-
-    @property
-    def places(self) -> list[tuple[int, int]]:
-        """The knots of speed and load of each height."""
-        return [(speed, load) for speed in range(len(self.speeds)) for load in range(len(self.loads))]
+        brakes = min(float(test.load.min()) for test in tests) < -BRAKES * hardest
+        speeds, loads = np.linspace(0.0, fastest, SPEEDS), np.linspace(-hardest if brakes else 0.0, hardest, LOADS)
+        return cls(tuple(speeds.tolist()), tuple(loads.tolist()), "torque" if tests[0].load_is_torque else "current")
 
     @property
     def correlation(self) -> Floats:
         """How alike two heights are, (q, q)."""
-        at = np.array(self.places, dtype=np.float64)
+        at = np.indices((len(self.speeds), len(self.loads))).reshape(2, -1).T.astype(np.float64)
         found: Floats = np.exp(-np.abs(at[:, None] - at).sum(axis=-1) / ALIKE)
         return found
 
-    def parts(self, node: int) -> list[HeatKnot]:
-        """What the heights of a map at a node do."""
-        return [HeatKnot(node, self.speeds, self.loads, speed, load) for speed, load in self.places]
+    @property
+    def alike(self) -> Floats:
+        """Maps (q, q), a column each, that heights which are as alike as `correlation` says are a sum of, each with an
+        independent weight of the same size."""
+        found: Floats = cholesky(self.correlation, lower=True)
+        return found
+
+    def parts(self, node: int, maps: Floats) -> list[HeatMap]:
+        """What `maps` (q, k), a column each, do at a node."""
+        return [HeatMap(node, self.speeds, self.loads, self.load, tuple(column)) for column in maps.T.tolist()]
 
     def course(self, watts: Floats, test: Test) -> Floats:
         """The heat (N,) [W] of a map (q,) [W] in the steps of a test."""
@@ -74,34 +84,30 @@ class Knots:
 
     def _near(self, test: Test) -> tuple[Floats, Floats]:
         """How near each step is to the knots of speed (N, s) and of load (N, l)."""
-        return _hats(test.inputs["speed"], self.speeds), _hats(test.load, self.loads)
+        return hats(test.inputs["speed"], self.speeds), hats(test.load, self.loads)
 
-    def followed(self, course: Floats, tests: Sequence[Test], load: str) -> tuple[str, ...]:
+    def followed(self, course: Floats, tests: Sequence[Test]) -> tuple[str, ...]:
         """What explains most of how a `course` (N,) varies over all steps of the tests, strongest first: "braking" or
-        "driving", else "speed" and the feature that `load` is."""
+        "driving", else "speed" and the load."""
         speed = np.concatenate([test.inputs["speed"] for test in tests])
         loads = np.concatenate([test.load for test in tests])
         brakes = loads < 0.0
         if _share(course, np.column_stack([brakes, ~brakes])) > MOST:
             return ("braking" if brakes.mean() < 0.5 else "driving",)
-        by = {"speed": _share(course, _hats(speed, self.speeds)), load: _share(course, _hats(loads, self.loads))}
+        by = {"speed": _share(course, hats(speed, self.speeds)), self.load: _share(course, hats(loads, self.loads))}
         return tuple(name for name in sorted(by, key=lambda name: -by[name]) if by[name] > MOST)
 
 
 @dataclass(frozen=True)
 class LossMap:
     """A free loss map as told: `watts` (s, l) at `speeds` and `loads`, dimensionless, beside what it is most of the
-    time; `load`, the feature that the loads are; and how long the motor was near, `seconds` (s, l)."""
+    time; `load`, the feature that these are; and how long the motor was near, `seconds` (s, l)."""
 
     speeds: tuple[float, ...]
     loads: tuple[float, ...]
     load: str
     watts: Floats
     seconds: Floats
-
-
-def _hats(values: Floats, knots: Sequence[float]) -> Floats:
-    return np.column_stack([hat(values, knots, place) for place in range(len(knots))])
 
 
 def _share(course: Floats, design: Floats) -> float:

@@ -31,10 +31,11 @@ import numpy as np
 
 from twin.diagnosis.crudeness import crudeness, listed
 from twin.diagnosis.evidence import TOLD_APART
-from twin.diagnosis.free_heats import as_parameters, free_heats
+from twin.diagnosis.free_heats import as_parameters, free_heats, free_maps
+from twin.diagnosis.left_out import LeftOut, left_out
 from twin.diagnosis.patchwork import Survivor, around, is_patchwork, nodes_of
 from twin.diagnosis.posterior_mode import is_wrong_in_form
-from twin.diagnosis.refined import Tell, calibrated, refined
+from twin.diagnosis.refined import Tell, calibrated, refined, under_its_noise
 from twin.diagnosis.rounds import (
     EVIDENT,
     REFIT_LINEARISATIONS,
@@ -50,11 +51,12 @@ from twin.diagnosis.unknown import FreeHeat
 from twin.differences.candidates import Candidate
 from twin.differences.everyday import everyday
 from twin.errors import DivergedError
-from twin.fitting.actions import Parameter
+from twin.fitting.actions import HeatMap, Parameter, PartOfHeat
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
 from twin.fitting.model import Floats, Model
 
 MOST_TERMS = 5  # by evidence alone
+MAPS_ASKED = 3  # sessions left out are asked about so many
 ENOUGH_SESSIONS = 4  # of a file whose form is wrong: fewer do not say what holds on a session left out
 
 
@@ -64,8 +66,9 @@ class Naming:
     the terms that survived, with ln BF of leaving each out; `final`: the fit with them; `left_out`: terms that did not
     survive, with theirs; `heats`: free heats about the first fit, highest ln BF first; `patchwork`: terms that survived
     only together, none of them named; whether what is left says that the file's form is wrong (`wrong_in_form`);
-    `heat`: one without a name that stands among the parameters of `final`, where terms were let in beside it. The
-    rounds from the second on have it too."""
+    `heat`: one without a name that stands among the parameters of `final`, as found first: a map, which is a part of
+    the motor as all sessions have it in common, or one `beside` which terms were looked for. Then the rounds from the
+    second on have it too."""
 
     rounds: tuple[Round, ...]
     accepted: tuple[Refit, ...]
@@ -76,6 +79,23 @@ class Naming:
     patchwork: tuple[Refit, ...] = ()
     wrong_in_form: bool = False
     heat: FreeHeat | None = None
+    beside: bool = False
+
+    @property
+    def learnt(self) -> bool:
+        """Whether `final` is more than the recalibrated motor: it has terms, or a heat without a name."""
+        return bool(self.accepted) or self.heat is not None
+
+    @property
+    def map_id(self) -> str | None:
+        """The id of the heat that has no name as a term of a motor file; None where it is no map."""
+        return f"loss.{self.heat.node}.map" if self.heat and self.heat.is_map else None
+
+    @property
+    def map_said(self) -> str | None:
+        """`map_id` where a motor file can say the map."""
+        parts = (one.action for one in self.final.model.parameters if isinstance(one.action, HeatMap))
+        return self.map_id if any(part.sayable for part in parts) else None
 
     @property
     def judged(self) -> bool:
@@ -106,8 +126,8 @@ class Naming:
 
     @property
     def searched(self) -> tuple[Round, ...]:
-        """The rounds that let the terms in: without the first where a heat that has no name stands beside them."""
-        return self.rounds[1:] if self.heat else self.rounds
+        """The rounds that let the terms in: without the first where they were looked for beside a heat."""
+        return self.rounds[1:] if self.beside else self.rounds
 
     def entered(self, candidate: Candidate) -> Round:
         """The round in which a term was let in."""
@@ -117,7 +137,7 @@ class Naming:
     @property
     def is_unknown(self) -> bool:
         """Whether a heat of any course explains more than every candidate that came to anything (`best`), by ln 20 at
-        least, or only patchwork fits, or terms were let in beside such a heat."""
+        least, or only patchwork fits, or such a heat stands among the parameters."""
         return bool(self.patchwork) or self.heat is not None or self.log_bf_unknown > max(TOLD_APART, self.best)
 
     @property
@@ -167,11 +187,29 @@ def search(
 def _searched(
     found: Naming, first: Round, candidates: Sequence[Candidate], stated: Sequence[Parameter], tell: Tell
 ) -> Naming:
-    """Term after term from the round `first` on, then every one of them left out once. `stated`: the parameters of the
-    model without any term."""
-    most = 1 if found.few_sessions else len(candidates) if found.judged else MOST_TERMS
-    rounds, current = [first], first.base
+    """Term after term from the round `first` on, then, where sessions left out judge, a loss over speed and load that
+    no term has, and what shows beside it. `stated`: the parameters of the model without any term."""
     accepted: list[tuple[Candidate, Parameter]] = []
+    found = _more_terms(replace(found, rounds=(first,)), accepted, candidates, stated, tell)
+    if not found.judged or found.heat or not (held := _map_that_holds(found.final, candidates, tell)):
+        return found
+    heat, current = held
+    again = with_refits(scored(current, _left(candidates, accepted)), _of_cause(len(accepted) + 1, tell), judging=True)
+    return _more_terms(replace(found, rounds=(*found.rounds, again), heat=heat), accepted, candidates, stated, tell)
+
+
+def _more_terms(
+    found: Naming,
+    accepted: list[tuple[Candidate, Parameter]],
+    candidates: Sequence[Candidate],
+    stated: Sequence[Parameter],
+    tell: Tell,
+) -> Naming:
+    """Term after term beside those `accepted`, which grow, from the last of the rounds on, then every one of them left
+    out once, so that some may go."""
+    most = 1 if found.few_sessions else len(candidates) if found.judged else MOST_TERMS
+    rounds = list(found.rounds)
+    current = rounds[-1].base
     while True:
         best = rounds[-1].best
         if best is None or best.log_bayes_factor <= max(found.threshold, rounds[-1].null) or len(accepted) == most:
@@ -187,10 +225,39 @@ def _searched(
         accepted.append((best.candidate, best.parameter))
         rounds[-1].base.model.forget()
         tell_next("scoring")
-        left = [c for c in candidates if c not in [a for a, _ in accepted]]
-        rounds.append(with_refits(scored(current, left), tell_next, judging=found.judged))
+        rounds.append(with_refits(scored(current, _left(candidates, accepted)), tell_next, judging=found.judged))
     tell("leaving each cause out once")
-    return _eliminated(replace(found, rounds=tuple(rounds), final=current), accepted, len(stated))
+    return _eliminated(replace(found, rounds=tuple(rounds), final=current), accepted)
+
+
+def _left(candidates: Sequence[Candidate], accepted: Sequence[tuple[Candidate, Parameter]]) -> list[Candidate]:
+    taken = [candidate for candidate, _ in accepted]
+    return [c for c in candidates if c not in taken]
+
+
+def _map_that_holds(current: Fit, candidates: Sequence[Candidate], tell: Tell) -> tuple[FreeHeat, Fit] | None:
+    """The free loss map with which sessions left out are nearest, and the fit with it: of those that evidence would let
+    in, where it holds as a term must, and again under noise that is learnt with it. None where none does."""
+    tell("looking for a loss over speed and load that no candidate says")
+    before = left_out(current)
+    best: tuple[FreeHeat, Fit, LeftOut] | None = None
+    for heat in free_maps(current)[:MAPS_ASKED]:
+        if heat.log_bayes_factor <= EVIDENT:
+            break
+        parts = as_parameters(current, heat)
+        try:
+            found = fit(current.model.plus(parts), np.append(current.beta, np.zeros(len(parts))), NEAR_ENOUGH)
+        except DivergedError:
+            continue
+        said = left_out(found)
+        found.model.forget()
+        holds = not before.is_as_near_as(said) and said.gained(before).sum() > EVIDENT
+        if holds and (best is None or said.mean_K() < best[2].mean_K()):
+            best = heat, found, said
+    if best is None:
+        return None
+    with_it = under_its_noise(best[1], candidates)
+    return None if before.is_as_near_as(left_out(with_it)) else (best[0], with_it)
 
 
 def _of_cause(number: int, tell: Tell) -> Tell:
@@ -206,39 +273,34 @@ def _is_patchwork(found: Naming) -> bool:
 
 
 def _beside_heat(found: Naming, candidates: Sequence[Candidate], stated: Sequence[Parameter], tell: Tell) -> Naming:
-    """What is named away from a heat that has no name: the search with this heat among the parameters. As it was where
-    nothing is named so, or the motor runs away."""
+    """What is named away from a heat that has no name: the search with this heat among the parameters. Where nothing is
+    named so, a map stays among them all the same, and a heat in time goes. As it was where the motor runs away."""
     first = found.rounds[0].base
     heat = at_the_patchwork(found) if found.patchwork else found.heats[0]
     tents = as_parameters(first, heat)
-    with_heat = (*stated, *tents)
     network = first.model.network
     near = around(frozenset({heat.node}), network)
     elsewhere = [c for c in candidates if not near & nodes_of(c, network)]
     tell("looking beside the heat that has no name")
     try:
         start = np.append(first.beta, np.zeros(len(tents)))
-        current = refined(fit(first.model.plus(tents), start, NEAR_ENOUGH), candidates, with_heat, tell)
+        current = refined(fit(first.model.plus(tents), start, NEAR_ENOUGH), candidates, stated, tell)
         wrong = found.wrong_in_form and is_wrong_in_form(current.model)
         again = replace(found, patchwork=(), left_out=(), wrong_in_form=wrong)
         fresh = with_refits(scored(current, elsewhere), _of_cause(1, tell))
-        beside = _searched(again, fresh, elsewhere, with_heat, tell)
+        beside = _searched(again, fresh, elsewhere, stated, tell)
     except DivergedError:
         return found
-    if not beside.accepted or _is_patchwork(beside):
-        return found
-    return replace(
-        beside,
-        rounds=(found.rounds[0], *beside.rounds),
-        patchwork=found.patchwork,
-        heat=_in(beside.final, heat, len(stated)),
-    )
+    if beside.accepted and not _is_patchwork(beside):
+        rounds = (found.rounds[0], *beside.rounds)
+        return replace(beside, rounds=rounds, patchwork=found.patchwork, heat=heat, beside=True)
+    return replace(found, final=current, heat=heat) if heat.is_map else found
 
 
-def _in(found: Fit, heat: FreeHeat, before: int) -> FreeHeat:
-    """The heat as a fit has it whose parameters it stands among, behind so many."""
-    own = slice(before, before + len(heat.watts))
-    return replace(heat, watts=found.beta[own], sd=np.sqrt(found.covariance_diagonal[own]))
+def without_heat(current: Fit) -> Fit:
+    """The fit without the heat that has no name, from where the others are."""
+    parts = [i for i, one in enumerate(current.model.parameters) if isinstance(one.action, PartOfHeat)]
+    return fit(current.model.without(*parts), np.delete(current.beta, parts), NEAR_ENOUGH, REFIT_LINEARISATIONS)
 
 
 def without_term(current: Fit, place: int, calm: Floats) -> Fit:
@@ -250,15 +312,14 @@ def without_term(current: Fit, place: int, calm: Floats) -> Fit:
         return fit(model, np.append(calm, np.zeros(len(model.parameters) - len(calm))), enough=NEAR_ENOUGH)
 
 
-def _eliminated(found: Naming, accepted: list[tuple[Candidate, Parameter]], before: int) -> Naming:
-    """Leave every term out once, both sides fitted; the weakest goes while it is under the threshold. `before`: how
-    many parameters stand before the terms."""
-    left_out: list[tuple[Candidate, float]] = []
+def _eliminated(found: Naming, accepted: list[tuple[Candidate, Parameter]]) -> Naming:
+    """Leave every term out once, both sides fitted; the weakest goes while it is under the threshold."""
+    left_out = list(found.left_out)
     current = found.final
     while accepted:
         each = []
-        for i, (candidate, parameter) in enumerate(accepted):
-            place = before + i
+        for candidate, parameter in accepted:
+            place = current.model.parameters.index(parameter)
             without = without_term(current, place, found.rounds[0].base.beta)
             each.append((compared(current, without, candidate, parameter, place), without))
         weakest = min(range(len(each)), key=lambda i: each[i][0].log_bayes_factor)
@@ -267,7 +328,7 @@ def _eliminated(found: Naming, accepted: list[tuple[Candidate, Parameter]], befo
         left_out.append((accepted[weakest][0], each[weakest][0].log_bayes_factor))
         current = each[weakest][1]
         del accepted[weakest]
-    return replace(found, left_out=tuple(left_out), final=current)
+    return replace(found, accepted=(), left_out=tuple(left_out), final=current)
 
 
 def at_the_patchwork(naming: Naming) -> FreeHeat:

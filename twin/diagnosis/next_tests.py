@@ -13,11 +13,10 @@ from twin.errors import CauseError
 from twin.fitting.recorded import Floats, RecordedChannel, RecordedMeter, Test
 from twin.motor import features
 from twin.motor.causes import Cause
-from twin.motor.network import Network
+from twin.motor.network import LOADS, Network
 from twin.motor.sensor_laws import AMBIENT
 from twin.run.simulate import Frame
 
-LOADS = {"current": "A", "torque": "Nm"}  # what a test sets besides the speed: the first that is known, and its unit
 HOUR_S, MINUTE_S = 3600.0, 60.0
 SLOW_SHARE, FAST_SHARE, MIDDLE_SHARE = 0.25, 0.9, 0.5  # of the highest speed
 PULSE_S, PAUSE_S = 60.0, 240.0

@@ -12,12 +12,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from twin.diagnosis.next_tests import HOUR_S, LOADS, Proposed, as_test, load_of
+from twin.diagnosis.next_tests import HOUR_S, Proposed, as_test, load_of
 from twin.errors import DivergedError
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import Fit
 from twin.fitting.model import Floats, Model, Test
 from twin.fitting.noise import floor_variance
+from twin.motor.network import LOADS
 
 SPEEDS, LOADED = (0.25, 0.5, 0.75, 1.0), (0.0, 0.7, 1.4)  # of the highest speed, of the load's root mean square
 STEP_S = 10.0  # of an hour at one point: only its end counts

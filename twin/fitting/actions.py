@@ -163,18 +163,25 @@ class HeatTent:
 
 
 @dataclass(frozen=True)
-class HeatKnot:
-    """p [W] into a node at the knot (`speed`, `load`) of a map, less and less towards the next: one of those that make
-    up a free loss map. Knots `speeds` and `loads` (dimensionless) rise; `load` as in `Test.load`."""
+class HeatMap:
+    """p [W] times a map over speed and load into a node: one of those that add up to a free loss map. `heights` at the
+    knots `speeds` and `loads` (dimensionless, rising; of `Test.load`, which is the `load` "torque" or "current"), load
+    by load within speed, linear between: of 9 and 5 the second is that of the lowest speed and the second lowest
+    load."""
 
     node: int
     speeds: tuple[float, ...]
     loads: tuple[float, ...]
-    speed: int
-    load: int
+    load: str
+    heights: tuple[float, ...]
+
+    @property
+    def sayable(self) -> bool:
+        """Whether a motor file's map can be so: over the torque, or over a current of a motor that does not brake."""
+        return self.load == "torque" or self.loads[0] >= 0
 
 
-PartOfHeat = HeatTent | HeatKnot  # that is free
+PartOfHeat = HeatTent | HeatMap  # that is free
 OnTerms = Scale | Power | Tent | Course | InputGain | InputBias
 OnTemperatures = Added | Tilt | Capacity | Attached | Start | BoundaryBias | PartOfHeat
 OnReading = Misreading | Lag | Beside | Late | Slowed

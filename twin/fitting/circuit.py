@@ -81,7 +81,7 @@ class Circuit:
                     row, factor = self.drive.feature(feature, rms)
                     laws = [self._law(self.place(place, own)) for place in places]
                     rows += [Product(law, factor, row, parameter=p) for law in laws]
-                case actions.HeatTent() | actions.HeatKnot():
+                case actions.HeatTent() | actions.HeatMap():
                     law = self._law(self.place(actions.Place(action.node)))
                     rows.append(Product(law, 1.0, self.drive.free_heat(action), parameter=p))
                 case actions.Tilt(places, members, references):

@@ -9,7 +9,7 @@ from typing import assert_never
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.arithmetic.hats import hat
+from twin.arithmetic.hats import hat, hats
 from twin.fitting import actions
 from twin.fitting.recorded import Test
 from twin.fitting.rows import Product, Products, delayed
@@ -115,7 +115,7 @@ class Drive:
         return self.features.added(name, lambda: self.test.features[name]), factor
 
     def free_heat(self, part: actions.PartOfHeat) -> int:
-        """The row of `features` that a part of a free heat follows: it rises from 0 to 1 and falls again."""
+        """The row of `features` that a part of a free heat follows: what 1 W of it is over time."""
         return self.features.added(replace(part, node=NOBODY), lambda: self._tent_of(part)[None])
 
     def _tent_of(self, part: actions.PartOfHeat) -> Floats:
@@ -124,8 +124,12 @@ class Drive:
                 middle = self.step_s * (np.arange(len(self.test.frame.features)) + 0.5)
                 tent: Floats = np.maximum(0.0, 1 - np.abs(middle - time_s) / spacing_s)
                 return tent
-            case actions.HeatKnot(_, speeds, loads, speed, load):
-                return hat(self.test.inputs["speed"], speeds, speed) * hat(self.test.load, loads, load)
+            case actions.HeatMap(_, speeds, loads, _, heights):
+                if not ("speed" in self.test.inputs and self.test.load.size):
+                    return np.zeros(len(self.test.frame.features))  # nobody knows where on it the test is
+                table = np.reshape(heights, (len(speeds), len(loads)))
+                height = (hats(self.test.inputs["speed"], speeds) @ table) * hats(self.test.load, loads)
+                return np.asarray(height.sum(axis=1))
             case _:
                 assert_never(part)
 

@@ -123,7 +123,7 @@ class Heats:
             case actions.BoundaryBias(boundary):
                 for i, law in self._ending_at(boundary):
                     self._add("bounds", self._row(law.a, NOBODY, column), -1.0, i, i)
-            case actions.HeatTent() | actions.HeatKnot():
+            case actions.HeatTent() | actions.HeatMap():
                 law, row = circuit.place(actions.Place(action.node)), circuit.drive.free_heat(action)
                 self._add("features", self._through(law, column), 1.0, row, self._law(law))
             case _:

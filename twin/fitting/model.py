@@ -99,9 +99,9 @@ class Model:
         known = None if attached else self._known
         return Model(self.network, self.tests, (*self.parameters, *more), self.noise, known)
 
-    def without(self, place: int) -> Model:
-        """The same without one parameter."""
-        kept = [p for i, p in enumerate(self.parameters) if i != place]
+    def without(self, *places: int) -> Model:
+        """The same without some parameters."""
+        kept = [p for i, p in enumerate(self.parameters) if i not in places]
         return Model(self.network, self.tests, kept, self.noise)
 
     def whitened(self, series: Series, x: Floats) -> Floats:

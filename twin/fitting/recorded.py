@@ -89,6 +89,11 @@ class Test:
     load: Floats = field(default_factory=lambda: np.empty(0))
 
     @property
+    def load_is_torque(self) -> bool:
+        """Whether `load` is the torque."""
+        return "torque" in self.inputs
+
+    @property
     def coldest_degC(self) -> float:
         """The mean of its coldest boundary, which rises are counted from."""
         return float(self.frame.boundaries.mean(axis=0).min())

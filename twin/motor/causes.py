@@ -22,7 +22,7 @@ from twin.motor.sensor_laws import SENSOR_LAWS
 KINDS = ("loss", "conductance", "capacity", "boundary", "sensor", "clock", "input", "ageing")
 OF_THE_MOTOR = ("loss", "conductance", "capacity", "ageing")  # what a motor file says; a bench file corrects the others
 FIXED_LAWS = {  # kind -> the laws that are no products of features
-    "loss": ("scale", "constant"),
+    "loss": ("scale", "constant", "map"),
     "conductance": ("scale", "constant"),
     "capacity": ("scale", "attached"),
     "boundary": ("bias",),
@@ -213,6 +213,7 @@ def groups(names: Iterable[str]) -> dict[str, tuple[str, ...]]:
 _SAYS = {
     ("loss", "scale"): "{place} loss is off by one factor at every operating point",
     ("loss", "constant"): "{place} makes a constant heat that the model lacks",
+    ("loss", "map"): "{place} loss goes with speed and load in a way that no other law has",
     ("conductance", "scale"): "the heat path between {place} is off by one factor",
     ("conductance", "constant"): "the heat path between {place} has a constant part that the model lacks",
     ("capacity", "scale"): "{place} stores more or less heat than modelled",

@@ -252,17 +252,21 @@ def _check_shape(network: Network, entry: Entry, number: int, shape: Shape, in_l
 
 def _check_map(network: Network, entry: Entry, number: int, table: Map, in_link: bool) -> None:
     where = f"term {number}: map"
-    for name, knots in (("speeds", table.speed), ("torques", table.torque)):
+    loads = f"{table.over}s"
+    for name, knots in (("speeds", table.speed), (loads, table.load)):
         if len(knots) < 2 or not all(map(math.isfinite, knots)):
             raise BadValueError(entry, f"{where} has {len(knots)} {name}: give at least 2, all finite numbers")
         if any(b <= a for a, b in itertools.pairwise(knots)):
             raise BadValueError(entry, f"{where}: its {name} do not rise: sort them, each only once")
+    if table.over == "current" and table.load[0] < 0:
+        says = "its currents begin below 0: a current is a magnitude, give the torque for a motor that brakes"
+        raise BadValueError(entry, f"{where}: {says}")
     if table.speed[0] < 0:
         says = "its speeds begin below 0: a speed is a magnitude, give a torque below 0 for a motor that brakes"
         raise BadValueError(entry, f"{where}: {says}")
-    if len(table.values) != len(table.speed) or any(len(row) != len(table.torque) for row in table.values):
-        size = f"{len(table.speed)} rows of {len(table.torque)} values"
-        raise BadValueError(entry, f"{where} needs {size}: a row for each speed, a value for each torque")
+    if len(table.values) != len(table.speed) or any(len(row) != len(table.load) for row in table.values):
+        size = f"{len(table.speed)} rows of {len(table.load)} values"
+        raise BadValueError(entry, f"{where} needs {size}: a row for each speed, a value for each {table.over}")
     for row in table.values:
         for value in row:
             if not math.isfinite(value) or (in_link and value < 0):

@@ -95,7 +95,7 @@ def _inputs_of(shape: Shape | Map | None) -> tuple[str, ...]:
     if shape is None:
         return ()
     if isinstance(shape, Map):
-        return ("speed", "torque")
+        return ("speed", shape.over)
     return ("speed", "current") if any(shape.current_slope) else ("speed",)
 
 
@@ -113,7 +113,8 @@ def monomial(term: Term) -> Monomial:
     """All that a term multiplies its coefficient by, temperatures aside; a shape that changes nothing is left out."""
     shape = term.shape
     if isinstance(shape, Map):
-        plain_map = Map(_floats(shape.speed), _floats(shape.torque), tuple(map(_floats, shape.values)))
+        values = tuple(map(_floats, shape.values))
+        plain_map = replace(shape, speed=_floats(shape.speed), load=_floats(shape.load), values=values)
         return replace(product(term), shape=plain_map)
     if shape is None or not any((*shape.factor, *shape.current_slope)):
         return product(term)
@@ -192,18 +193,18 @@ def evaluate(monomials: tuple[Monomial, ...], u: Mapping[str, NDArray[np.float64
 
 
 def beyond(table: Map, u: Mapping[str, NDArray[np.float64]]) -> NDArray[np.bool_]:
-    """In which steps (length,) speed or torque is outside the table."""
+    """In which steps (length,) speed or load is outside the table."""
     result: NDArray[np.bool_] = np.zeros(1, dtype=np.bool_)
-    for at, knots in zip(_operating_point(table, u), (table.speed, table.torque), strict=True):
+    for at, knots in zip(_operating_point(table, u), (table.speed, table.load), strict=True):
         result = result | (at < knots[0]) | (at > knots[-1])
     return result
 
 
 def _operating_point(table: Map, u: Mapping[str, NDArray[np.float64]]) -> tuple[NDArray[np.float64], ...]:
-    """Speed and torque (length,) as a map takes them."""
-    speed, torque = u["speed"], u["torque"]
-    brakes = speed * torque < 0 if table.torque[0] < 0 else np.zeros(1, dtype=np.bool_)
-    return np.abs(speed), np.where(brakes, -np.abs(torque), np.abs(torque))
+    """Speed and load (length,) as a map takes them."""
+    speed, load = u["speed"], u[table.over]
+    brakes = speed * load < 0 if table.load[0] < 0 else np.zeros(1, dtype=np.bool_)
+    return np.abs(speed), np.where(brakes, -np.abs(load), np.abs(load))
 
 
 def _shape_factor(shape: Shape, u: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
@@ -225,8 +226,8 @@ def _shape_factor(shape: Shape, u: Mapping[str, NDArray[np.float64]]) -> NDArray
 def _mapped(table: Map, u: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
     """What a map multiplies by (length,)."""
     values = np.array(table.values)
-    speed, torque = _operating_point(table, u)
-    (i, along), (j, across) = _placed(table.speed, speed), _placed(table.torque, torque)
+    speed, load = _operating_point(table, u)
+    (i, along), (j, across) = _placed(table.speed, speed), _placed(table.load, load)
     low = (1 - across) * values[i, j] + across * values[i, j + 1]
     high = (1 - across) * values[i + 1, j] + across * values[i + 1, j + 1]
     result: NDArray[np.float64] = (1 - along) * low + along * high

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+LOADS = {"current": "A", "torque": "Nm"}  # how hard a motor works: what is known of it first, and its unit
 NOBODY = -1  # the index of no node: of a source's other end, of the node of a temperature factor that is not there
 
 
@@ -48,13 +49,14 @@ class Shape:
 
 @dataclass(frozen=True)
 class Map:
-    """Multiply by a table over speed and torque, both dimensionless: `values[i][j]` at `speed[i]`, `torque[j]`, rising
-    knots. Speed is a magnitude. Torque is negative while the motor brakes where its knots begin below 0, a magnitude
-    else. Bilinear between the knots, constant beyond the outermost."""
+    """Multiply by a table over speed and a load, the torque or the current (`over`), all dimensionless: `values[i][j]`
+    at `speed[i]`, `load[j]`, rising knots. Speed and current are magnitudes. Torque is negative while the motor brakes
+    where its knots begin below 0, a magnitude else. Bilinear between the knots, constant beyond the outermost."""
 
     speed: tuple[float, ...]
-    torque: tuple[float, ...]
+    load: tuple[float, ...]
     values: tuple[tuple[float, ...], ...]
+    over: str = "torque"
 
 
 @dataclass(frozen=True)

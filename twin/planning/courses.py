@@ -9,10 +9,10 @@ from functools import reduce
 
 import numpy as np
 
-from twin.diagnosis.next_tests import LEAST_FLOW_SHARE, LOADS, Proposed, as_test, load_of
+from twin.diagnosis.next_tests import LEAST_FLOW_SHARE, Proposed, as_test, load_of
 from twin.errors import PlanError
 from twin.fitting.model import Floats, Test
-from twin.motor.network import Network
+from twin.motor.network import LOADS, Network
 from twin.motor.outputs import BLOCK_S
 from twin.motor.sensor_laws import AMBIENT
 

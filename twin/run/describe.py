@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from twin.compiled.kernel import STATEMENTS, generate, statements
 from twin.motor import features
 from twin.motor.configured import configured
-from twin.motor.network import Configuration, FluidCircuit, Map, Network, Source, Term
+from twin.motor.network import LOADS, Configuration, FluidCircuit, Map, Network, Source, Term
 from twin.run.initial import conductances
 
 _GRID = np.linspace(0.0, 1.0, 11)
@@ -137,9 +137,9 @@ def _circuit(network: Network, circuit: FluidCircuit) -> str:
 
 
 def _map(network: Network, place: str, table: Map) -> str:
-    speed, torque = network.scale["speed"], network.scale["torque"]
+    speed, load = network.scale["speed"], network.scale[table.over]
     over = f"{table.speed[0] * speed:g} to {table.speed[-1] * speed:g} rpm"
-    return f"{place}: {over}, {table.torque[0] * torque:g} to {table.torque[-1] * torque:g} Nm"
+    return f"{place}: {over}, {table.load[0] * load:g} to {table.load[-1] * load:g} {LOADS[table.over]}"
 
 
 def _configuration(network: Network, one: Configuration) -> str:

@@ -55,7 +55,7 @@ KEYS = {
     "term": ("coefficient", "sd", "copper", "resistance", "temperature", "shape", "map", "law", "ageing"),
     "temperature": ("node", "slope_per_K", "reference_degC"),
     "shape": ("speed_rpm", "factor", "current_slope"),
-    "map": ("speed_rpm", "torque_Nm", "values"),
+    "map": ("speed_rpm", "torque_Nm", "current_A", "values"),
     "ageing": ("above_degC", "percent_per_100h", "sd", "from_h"),
 }
 
@@ -311,13 +311,17 @@ def _bent(term: TomlTable, scale: Mapping[str, float]) -> Shape | Map | None:
     found = term.table("map")
     assert found is not None
     _only(found, "map")
-    for quantity, key in (("speed", "speed_rpm"), ("torque", "torque_Nm")):
-        if quantity not in scale:
-            raise found.error(f"a map needs what 1 means for {quantity}: say {key} in [scale].")
+    if "torque_Nm" in found and "current_A" in found:
+        raise found.error("a map goes over the torque or over the current: leave one of them out.", "current_A")
+    load = "current_A" if "current_A" in found else "torque_Nm"
+    for key in ("speed_rpm", load):
+        if SCALES[key] not in scale:
+            raise found.error(f"a map needs what 1 means for {SCALES[key]}: say {key} in [scale].")
     return Map(
         speed=tuple(knot / scale["speed"] for knot in found.need("speed_rpm", _NUMBERS)),
-        torque=tuple(knot / scale["torque"] for knot in found.need("torque_Nm", _NUMBERS)),
+        load=tuple(knot / scale[SCALES[load]] for knot in found.need(load, _NUMBERS)),
         values=found.need("values", _ROWS),
+        over=SCALES[load],
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from replay.errors import MotorFileError
 from twin.motor.network import Network
 
 _BOM = "\ufeff"
+_AMPERES = re.compile(r"(?<![A-Za-z])A\s*$")
 
 
 def read_motor_file(path: Path) -> Network:
@@ -56,17 +58,18 @@ def _inline(motor: Path, term: TomlTable) -> str:
     file = motor.parent / term.values["map"]
     if not file.is_file():
         raise term.error(f'map "{term.values["map"]}" is not there ({file}): correct the path.', "map")
-    speed, torque, values = _table(file)
+    speed, load, values, over = _table(file)
     rows = ", ".join(_list(row) for row in values)
-    return f"{{speed_rpm = {_list(speed)}, torque_Nm = {_list(torque)}, values = [{rows}]}}"
+    return f"{{speed_rpm = {_list(speed)}, {over} = {_list(load)}, values = [{rows}]}}"
 
 
 def _list(values: list[float]) -> str:
     return f"[{', '.join(map(repr, values))}]"
 
 
-def _table(file: Path) -> tuple[list[float], list[float], list[list[float]]]:
-    """Speeds of the first column, torques of the first row, and a row of values for each speed."""
+def _table(file: Path) -> tuple[list[float], list[float], list[list[float]], str]:
+    """Speeds of the first column, loads of the first row, a row of values for each speed, and what the loads are:
+    `current_A` where the corner ends in "A", such as "rpm/A"."""
     try:
         text = file.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
@@ -77,17 +80,18 @@ def _table(file: Path) -> tuple[list[float], list[float], list[list[float]]]:
     rows = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
     if len(rows) < 2 or len(rows[0][1]) < 2:
         raise MotorFileError(
-            f"{file.name}: holds no table: the first row has a free cell and the torques [Nm], each further row a "
-            "speed [rpm] and its values."
+            f"{file.name}: holds no table: the first row has a free cell and the torques [Nm], or the cell rpm/A and "
+            "the currents [A], each further row a speed [rpm] and its values."
         )
     (number, head), *body = rows
-    torque = [_number(file, number, cell) for cell in head[1:]]
+    load = [_number(file, number, cell) for cell in head[1:]]
+    over = "current_A" if _AMPERES.search(head[0]) else "torque_Nm"
     for number, row in body:
         if len(row) != len(head):
             cells = f"has {len(row)} cells, the first row {len(head)}"
             raise MotorFileError(f"{file.name}:{number}: {cells}: fill the table.")
     numbers = [[_number(file, number, cell) for cell in row] for number, row in body]
-    return [row[0] for row in numbers], torque, [row[1:] for row in numbers]
+    return [row[0] for row in numbers], load, [row[1:] for row in numbers], over
 
 
 def _number(file: Path, line: int, cell: str) -> float:

@@ -141,7 +141,10 @@ def _term(term: Term, scale: Mapping[str, float], whole: bool) -> dict[str, Any]
     if term.temperature is not None:
         values["temperature"] = asdict(term.temperature)
     if term.shape is not None:
-        values["map" if isinstance(term.shape, Map) else "shape"] = _bent(asdict(term.shape), scale)
+        bent = asdict(term.shape)
+        if isinstance(term.shape, Map):
+            bent[bent.pop("over")] = bent.pop("load")
+        values["map" if isinstance(term.shape, Map) else "shape"] = _bent(bent, scale)
     if isinstance(term, AgeingTerm):
         law = asdict(term.ageing)
         values["ageing"] = law if law["from_h"] or whole else {key: law[key] for key in law if key != "from_h"}

@@ -10,7 +10,7 @@ import numpy as np
 from ingest.catalogue import quality
 from ingest.catalogue.channels import ChannelData
 from ingest.facts.events import SessionRecorded
-from ingest.texts.quantities import STORED_UNIT
+from ingest.texts.quantities import STORED_UNIT, column_suffix
 from replay.engine.frame import frame as frames
 from replay.engine.frame.frame import InputFrame
 from replay.errors import ReplayDataError
@@ -21,7 +21,6 @@ from twin.motor.network import Map, Network
 DC_CHECK = "dc_check"
 DIRECT = {"current_dc": "current", "voltage_dc": "voltage"}  # what a DC check feeds the phases with
 AT_REST = ("speed", "torque", "current_q", "flux")  # 0 in a stator that is fed so: axis d lies along the current
-MAPPED = {"speed": "speed_rpm", "torque": "torque_Nm"}  # inputs of a map -> columns of the frame
 
 
 def session_frame(
@@ -70,10 +69,12 @@ def _zero(like: ChannelData, quantity: str) -> ChannelData:
 
 def beyond_maps(network: Network, frame: InputFrame) -> Iterator[str]:
     """A line for each map that the session's step means leave, with the share of time."""
-    known = {f: column for f, column in MAPPED.items() if column in frame.inputs}
     for place, term in placed_terms(network):
-        if isinstance(term.shape, Map) and len(known) == len(MAPPED):
-            u = {feature: frame.inputs[column] / network.scale[feature] for feature, column in known.items()}
+        if not isinstance(term.shape, Map):
+            continue
+        columns = {feature: feature + column_suffix(feature) for feature in ("speed", term.shape.over)}
+        if all(column in frame.inputs for column in columns.values()):
+            u = {feature: frame.inputs[column] / network.scale[feature] for feature, column in columns.items()}
             share = float(beyond(term.shape, u).mean())
             if share > 0:
                 yield f"{100 * share:.3g} % of the time outside the map of {place}: its edge was taken"

@@ -70,7 +70,7 @@ def write_diagnosis_report(
         gain_notes=gain_notes(diagnosis),
         gains=kept_errors.furthest_first(diagnosis.gain),
         kept_errors=kept_errors,
-        stages=kept_errors.stages(bool(diagnosis.fitted_with)),
+        stages=kept_errors.stages(diagnosis.learnt),
         apart=two_models.paragraphs(diagnosis),
         looked_at=looked_at(diagnosis),
         commands=next_commands(diagnosis),

@@ -95,7 +95,8 @@ def _ending(diagnosis: Diagnosis) -> Iterator[tuple[str, Sequence[str]]]:
             yield "Named cause", ["none", sentences.details(diagnosis)]
     for heat in diagnosis.unknown:
         evidence = f"ln BF {verdict.figures(heat.log_bayes_factor)}{' of the strongest' * bool(heat.patchwork)}"
-        yield "Unknown", [verdict.unknown_sentence(heat), verdict.goes_with(heat) + words.capital(evidence)]
+        told = [verdict.unknown_sentence(heat), verdict.goes_with(heat) + words.capital(evidence)]
+        yield "Unknown", [*told, *filter(None, [verdict.what_the_file_says(diagnosis, heat)])]
     yield "Rivals", [*_rivals(diagnosis)] or ["none above the null"]
 
 
@@ -131,9 +132,9 @@ def _gain(diagnosis: Diagnosis) -> Iterator[str]:
     """Errors on kept sessions, node by node, then what qualifies them."""
     if not diagnosis.gain:
         return
-    gains, of = kept_errors.furthest_first(diagnosis.gain), kept_errors.stages(bool(diagnosis.fitted_with))
+    gains, of = kept_errors.furthest_first(diagnosis.gain), kept_errors.stages(diagnosis.learnt)
     yield f"mean error {' -> '.join(kept_errors.STAGES[stage] for stage in of)}, {kept_errors.how(gains)}"
-    if diagnosis.fitted_with:
+    if diagnosis.learnt:
         yield from _before_and_after(gains, of)
     else:
         yield " · ".join(_at(gain, of) for gain in gains)
@@ -143,7 +144,7 @@ def _gain(diagnosis: Diagnosis) -> Iterator[str]:
         if outside != "0"
         else "at operating points that were"
     )
-    interval = f"95 % intervals {gains[0].interval}; " if diagnosis.fitted_with else ""
+    interval = f"95 % intervals {gains[0].interval}; " if diagnosis.learnt else ""
     yield f"{words.joined(diagnosis.held_out_names)}; {interval}{points} learnt from"
     yield from gain_notes(diagnosis)
 

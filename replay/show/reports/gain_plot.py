@@ -28,7 +28,7 @@ INTERVAL = (
 def gain_bars(diagnosis: Diagnosis) -> Plot | None:
     """Bars by node, furthest off first: as published, recalibrated, with a cause that was named. None without kept
     data."""
-    gains, named = furthest_first(diagnosis.gain), bool(diagnosis.fitted_with)
+    gains, named = furthest_first(diagnosis.gain), diagnosis.learnt
     if not gains:
         return None
     title = _title(diagnosis)
@@ -40,7 +40,7 @@ def gain_bars(diagnosis: Diagnosis) -> Plot | None:
 
 def _title(diagnosis: Diagnosis) -> str:
     told = words.capital(on_kept(diagnosis))
-    if diagnosis.fitted_with and all(change(gain) != "better" for gain in diagnosis.gain):
+    if diagnosis.learnt and all(change(gain) != "better" for gain in diagnosis.gain):
         return f"{told}; no node is predicted better with the cause by more than chance"
     return told
 

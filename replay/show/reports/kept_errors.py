@@ -103,7 +103,7 @@ def course(gain: KeptGain, named: bool) -> str:
 
 def on_kept(diagnosis: Diagnosis) -> str:
     """What became of the node that was furthest off as published, and which got worse; "" without kept sessions."""
-    gains, named = diagnosis.gain, bool(diagnosis.fitted_with)
+    gains, named = diagnosis.gain, diagnosis.learnt
     if not gains:
         return ""
     if calibration_is_worse(gains):
@@ -121,7 +121,7 @@ def on_kept(diagnosis: Diagnosis) -> str:
 
 def beside(diagnosis: Diagnosis) -> str:
     """The sentence behind `on_kept`: what it left out of the node that it told, as far as there is such."""
-    gains, named = diagnosis.gain, bool(diagnosis.fitted_with)
+    gains, named = diagnosis.gain, diagnosis.learnt
     if not gains:
         return ""
     most = furthest_first(gains)[0]

@@ -79,6 +79,7 @@ def details(diagnosis: Diagnosis) -> str:
             first, *more = diagnosis.unknown
             start = "The candidates " if first.patchwork else ""
             told = [words.capital(start + verdict.unexplained(first)), *map(verdict.unknown_sentence, more), *told]
+            told += two_models.notes(diagnosis)
             faults = "; ".join(cause.says for cause in diagnosis.causes)
             told += [f"Left out as faults of the record: {faults}."] if faults else []
         case Ending.AGREES:

@@ -10,7 +10,7 @@ from replay.show.reports import kept_errors, verdict
 from replay.show.words import words
 from replay.studies.diagnosis.answer import Diagnosis, KeptGain, Telling, TwoModels
 
-TAKEN = 0.5  # of the error as published: recalibration that leaves less has taken what a cause could gain
+TAKEN = 0.5  # of an error: what leaves less, recalibration or the cause, has taken most of it
 ROSE_K = 0.02  # of the mean error over the nodes: less is no rise
 TOLD_K = 0.1  # a place where the two models are less apart is not told
 
@@ -22,7 +22,7 @@ def notes(diagnosis: Diagnosis) -> list[str]:
 
 
 def _without_gain(diagnosis: Diagnosis) -> str:
-    if not diagnosis.fitted_with or any(cause.improved for cause in diagnosis.causes):
+    if not diagnosis.learnt or diagnosis.improved:
         return ""
     offer = "the extended files are offered all the same" if diagnosis.offers else "no file is changed"
     return f"{_no_gain(diagnosis)}; {offer}."
@@ -50,6 +50,9 @@ def _no_gain(diagnosis: Diagnosis) -> str:
         errors = kept_errors.errors(worst, ["before", "after"])
         return f"With it the kept sessions get worse than recalibrated, most the {words.name(worst.node)}: {errors}"
     published, before = (_mean_K(diagnosis, stage) for stage in ("published", "before"))
+    reasons = [one.why_not_improved for one in (*diagnosis.fitted_with, *diagnosis.unknown)]
+    if _mean_K(diagnosis, "after") <= TAKEN * before and (why := next(filter(None, reasons), "")):
+        return f"The kept sessions are nearer with it, but {why}"
     if before <= TAKEN * published:
         was, now = words.figures([published, before])
         return f"The sensors see no gain from it, as recalibration alone takes their mean error from {was} K to {now} K"

@@ -189,10 +189,24 @@ def whether_improved(diagnosis: Diagnosis, cause: Named) -> str:
     file = "bench" if parse(cause.id).kind in ON_THE_BENCH else "motor"
     if cause.improved and not diagnosis.why_no_files:
         return f"corrected in the {file} file"
-    why = cause.why_not_improved or diagnosis.why_no_files or "the kept sessions are not predicted better with it"
-    if cause.sayable and diagnosis.offers:
+    return _not_improved(diagnosis, cause, file if cause.sayable else None)
+
+
+def what_the_file_says(diagnosis: Diagnosis, heat: UnnamedHeat) -> str:
+    """What became of a heat without a name that the sessions were fitted with once more; "" of any other."""
+    if not heat.fitted:
+        return ""
+    if heat.improved and not diagnosis.why_no_files:
+        return "in the extended motor file, as a map over speed and load"
+    return _not_improved(diagnosis, heat, "motor" if heat.extends else None)
+
+
+def _not_improved(diagnosis: Diagnosis, one: Named | UnnamedHeat, file: str | None) -> str:
+    """Why nothing improved with something that was learnt; `file`: which one can say it, None: none."""
+    why = one.why_not_improved or diagnosis.why_no_files or "the kept sessions are not predicted better with it"
+    if file and diagnosis.offers:
         return f"in the extended {file} file, which is offered though not improved: {why}"
-    return f"named, but no file is changed for it: {why}"
+    return f"{'named, but no' if isinstance(one, Named) else 'no'} file is changed for it: {why}"
 
 
 def watts(heat: UnnamedHeat) -> str:

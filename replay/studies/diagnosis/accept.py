@@ -98,7 +98,7 @@ def _first(diagnosis: str, found: Diagnosis, steps: int) -> tuple[CauseAccepted,
     if steps not in there:
         known = ", ".join(map(str, there)) or "none"
         raise ReplayDataError(f"diagnosis d-{diagnosis[:SHORT]}: no files of {steps} steps; steps with files: {known}.")
-    step, sayable = there[steps], {cause.id for cause in found.causes if cause.sayable}
+    step, sayable = there[steps], found.said
     model = step.model if step.model != found.model else None
     event = CauseAccepted(
         diagnosis=diagnosis,
@@ -113,7 +113,6 @@ def _first(diagnosis: str, found: Diagnosis, steps: int) -> tuple[CauseAccepted,
 
 def _event(store: Store, diagnosis: str, found: Diagnosis) -> CauseAccepted:
     """What accepting this diagnosis says."""
-    said = [cause.id for cause in found.causes if cause.sayable]
     if not found.offers:
         raise ReplayDataError(f"diagnosis d-{diagnosis[:SHORT]}: there is nothing to accept: {_why_nothing(found)}.")
     recorded = [one.event for one in store.ledger.events(ModelExtended, stream=f"diagnosis-{diagnosis}")]
@@ -121,7 +120,7 @@ def _event(store: Store, diagnosis: str, found: Diagnosis) -> CauseAccepted:
     benches = [event.parent_bench for event in extended if event.bench == found.extended_bench]
     return CauseAccepted(
         diagnosis=diagnosis,
-        causes=said,
+        causes=found.said,
         parent=found.model if found.extended_model else None,
         model=found.extended_model,
         parent_bench=benches[-1] if found.extended_bench else None,
@@ -131,12 +130,13 @@ def _event(store: Store, diagnosis: str, found: Diagnosis) -> CauseAccepted:
 
 def _why_nothing(found: Diagnosis) -> str:
     """Why a diagnosis has no extended files."""
-    named = ", ".join(cause.id for cause in found.causes)
+    named = ", ".join(
+        [*(cause.id for cause in found.causes), *(heat.extends for heat in found.unknown if heat.extends)]
+    )
     if not named:
         return "it named no cause. Models stay as they are"
-    said = any(cause.sayable for cause in found.causes)
     why = found.why_no_files or f"{named} changes neither motor nor bench file"
-    return f"{why}. Models stay as they are" if said else f"no file can say {named}. Models stay as they are"
+    return f"{why}. Models stay as they are" if found.said else f"no file can say {named}. Models stay as they are"
 
 
 def _elsewhere(facts: Facts, found: Diagnosis, model: str) -> dict[str, str]:

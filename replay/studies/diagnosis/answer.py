@@ -148,7 +148,9 @@ class UnnamedHeat:
     """A heat at a node that no candidate explains: its range [W] (cooling negative) while it is active, the range of
     each input and temperature then (name with unit -> [from, to]), and what it goes with, strongest first. `patchwork`:
     candidates that fit only together, each no name of what is there; the range [W] is then that of a heat which changes
-    slowly. `map`: of one that goes with speed and load in a way that no law has."""
+    slowly. `map`: of one that goes with speed and load in a way that no law has. `fitted`: the sessions were fitted
+    once more with this map, which the extended motor file says as a term of the id `extends`, where it can; `improved`
+    as of a named cause."""
 
     node: str
     watts: list[float]
@@ -157,6 +159,10 @@ class UnnamedHeat:
     log_bayes_factor: float
     patchwork: list[str] = field(default_factory=list)
     map: HeatOverLoad | None = field(default=None, metadata=IF_SAID)
+    fitted: bool = field(default=False, metadata=IF_SAID)
+    extends: str | None = field(default=None, metadata=IF_SAID)
+    improved: bool = field(default=False, metadata=IF_SAID)
+    why_not_improved: str | None = field(default=None, metadata=IF_SAID)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -325,10 +331,10 @@ class ChainStep:
 @dataclass(frozen=True, kw_only=True)
 class Diagnosis:
     """The whole answer. Models are ids: `model` as published, `recalibrated_model` without a new term (None where it is
-    worse on the kept sessions than the file as published), `extended_model` with the named causes, improved or not
-    (None where nothing is to be added, or a replay with it runs away); `recalibrated_benches` and `extended_benches`
-    (bench file -> its version) go with them, of those that change, and `recalibrated_bench` and `extended_bench` are
-    the first of these (None without any).
+    worse on the kept sessions than the file as published), `extended_model` with the named causes or the map of an
+    unknown heat, improved or not (None where nothing is to be added, or a replay with it runs away);
+    `recalibrated_benches` and `extended_benches` (bench file -> its version) go with them, of those that change, and
+    `recalibrated_bench` and `extended_bench` are the first of these (None without any).
 
     `candidates` tried, `steps` simulated once over training, `null_log_bayes_factor` the 95 % quantile of the best of
     them on data that hold none, `threshold` what a term must exceed; `log_score_gain` of kept sessions with its lower
@@ -384,6 +390,21 @@ class Diagnosis:
     def fitted_with(self) -> list[Named]:
         """The causes with which the sessions were fitted once more."""
         return [cause for cause in self.causes if not cause.of_the_record]
+
+    @property
+    def learnt(self) -> bool:
+        """Whether the sessions were fitted once more, with causes or with an unknown heat."""
+        return bool(self.fitted_with) or any(heat.fitted for heat in self.unknown)
+
+    @property
+    def improved(self) -> bool:
+        """Whether kept sessions are predicted better with one of what was learnt."""
+        return any(c.improved for c in self.causes) or any(h.improved for h in self.unknown)
+
+    @property
+    def said(self) -> list[str]:
+        """Ids of what the extended files say."""
+        return [*(c.id for c in self.causes if c.sayable), *(h.extends for h in self.unknown if h.extends)]
 
 
 def calibration_is_worse(gain: Sequence[KeptGain]) -> bool:

@@ -32,6 +32,8 @@ from twin.motor.network import Network
 from twin.motor.sensor_laws import Misreading
 
 RIVALS = 5
+NOBODY_KEPT = "no session was kept: say --hold-out"
+NO_TORQUE = "a motor that brakes needs a map over the torque, and these sessions have none, or its motor file no scale"
 ONE_ALONE = f"with fewer than {ENOUGH_SESSIONS} sessions none can be left out to say whether a second term holds"
 OTHER_CAUSES, WORTH_TELLING = "other causes", 0.1  # families that are relieved by less, in ln, are not told
 
@@ -88,7 +90,7 @@ def named(naming: Naming, refit: Refit, train: Sequence[SessionRecorded], kept: 
     let_in = [one.candidate for one in naming.accepted]
     others = [member.candidate for member in apart.others if member.candidate not in let_in]
     improved = kept is not None and kept.improved and refit.candidate.sayable
-    why = kept.why if kept else "no session was kept: say --hold-out"
+    why = kept.why if kept else NOBODY_KEPT
     if not refit.candidate.sayable:
         why = "what changes from session to session is said by no file"
     return Named(
@@ -256,8 +258,13 @@ def suspected_test(naming: Naming) -> str | None:
     return f"{test}: it would show whether {best.candidate.cause} is there" if best and test else None
 
 
-def unknown_heat(heat: Unknown, network: Network, patchwork: Sequence[Refit]) -> UnnamedHeat:
-    """A free heat in stored units."""
+def unknown_heat(heat: Unknown, naming: Naming, kept: Measured | None) -> UnnamedHeat:
+    """A free heat in stored units. `kept`: what the kept sessions say of `naming.final`."""
+    network, patchwork = naming.final.model.network, naming.patchwork
+    fitted = heat.map is not None and naming.heat is not None
+    extends = naming.map_said if fitted else None
+    improved = fitted and kept is not None and kept.improved and extends is not None
+    why = (kept.why if kept else NOBODY_KEPT) if extends else NO_TORQUE
     when = {with_unit(f): [low * scale(network, f), high * scale(network, f)] for f, (low, high) in heat.inputs.items()}
     when[f"{heat.node}_degC"] = list(heat.temperature_degC)
     return UnnamedHeat(
@@ -268,6 +275,10 @@ def unknown_heat(heat: Unknown, network: Network, patchwork: Sequence[Refit]) ->
         log_bayes_factor=heat.log_bayes_factor,
         patchwork=[str(refit.candidate.cause) for refit in patchwork],
         map=_over_load(heat.map, network) if heat.map else None,
+        fitted=fitted,
+        extends=extends,
+        improved=improved,
+        why_not_improved=why if fitted and not improved else None,
     )
 
 

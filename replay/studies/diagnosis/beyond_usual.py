@@ -15,9 +15,9 @@ from twin.motor.causes import place_words
 
 
 def beyond_usual(naming: Naming, train: Sequence[str]) -> list[Unusual]:
-    """What is unusual in the first fit, and in the one with the causes where there are any. `train`: the ids of the
+    """What is unusual in the first fit, and in the one with what was learnt where there is any. `train`: the ids of the
     sessions learnt from."""
-    fits = {"before": naming.rounds[0].base} | ({"after": naming.final} if naming.accepted else {})
+    fits = {"before": naming.rounds[0].base} | ({"after": naming.final} if naming.learnt else {})
     return [one for when, fit in fits.items() for one in _of(fit, when, train, EVIDENT)]
 
 

@@ -15,16 +15,19 @@ from replay.studies.diagnosis.answer import ChainStep, Named
 from replay.studies.diagnosis.answer_parts import place_of
 from replay.studies.diagnosis.as_recorded import AsRecorded, as_recorded
 from replay.studies.diagnosis.extension import Version, version
+from replay.studies.diagnosis.formulas import formula
 from replay.studies.diagnosis.kept_sessions import node_of
 from replay.studies.diagnosis.offered import Offered
 from replay.studies.diagnosis.question import Campaign, Question
 from replay.studies.diagnosis.search import Found
+from twin.diagnosis.free_heats import knots_of
 from twin.diagnosis.left_out import LeftOut, left_out
-from twin.diagnosis.naming import without_term
+from twin.diagnosis.naming import Naming, without_heat, without_term
 from twin.diagnosis.rounds import Refit
 from twin.errors import DivergedError, TwinError
 from twin.fitting.fit import Fit, fit
 from twin.fitting.model import Model, Test
+from twin.motor.network import Map, Term
 
 PUBLISHED, RECALIBRATED = -1, 0  # steps before the first term
 
@@ -42,18 +45,19 @@ def chain(
     if found.swaps:  # as published and with channels exchanged back, the sessions are not the same
         return []
     build = _Build(question, campaign, kept, _nodes(campaign.tests))
-    terms = found.naming.accepted
+    entries = _entries(found.naming, causes)
     before = left_out(_as_published(found.base))
     steps = [build.step(PUBLISHED, before, None, Version(question.model, None), files.runs.get("published"))]
     for number, reached in enumerate(_fits(found)):
         after = left_out(reached)
-        named = terms[:number]
-        if number in (RECALIBRATED, len(terms)):
+        entry = entries[number - 1] if number else None
+        if number in (RECALIBRATED, len(entries)):
             when = "after" if number else "before"
             files_of, ran = files.files.get(when), files.runs.get(when)
         else:
-            files_of, ran = build.files(reached, named, identity)
-        steps.append(build.step(number, after, before, files_of, ran, _cause(named, causes)))
+            first = [one.id for one in entries[:number]]
+            files_of, ran = build.files(reached, found.naming.accepted[:number], first, identity)
+        steps.append(build.step(number, after, before, files_of, ran, entry))
         before = after
     return steps
 
@@ -65,19 +69,38 @@ def _as_published(base: Fit) -> Fit:
 
 
 def _fits(found: Found) -> list[Fit]:
-    """Recalibrated alone, then with each term more, all under the noise and the priors of the last."""
+    """Recalibrated alone, then with each term more, a map last, all under the noise and the priors of the last."""
     naming = found.naming
     calm = naming.rounds[0].base.beta
-    fits = [naming.final] if naming.accepted else []
+    fits = [naming.final] if naming.learnt else []
+    if naming.map_id and naming.accepted:
+        fits.append(without_heat(naming.final))
     for refit in reversed(naming.accepted[1:]):
         fits.append(without_term(fits[-1], place_of(fits[-1], refit), calm))
     return [found.base, *reversed(fits)]
 
 
-def _cause(named: Sequence[Refit], causes: Sequence[Named]) -> Named | None:
-    """The answer's words for the last of the terms."""
-    ids = [str(refit.candidate.cause) for refit in named[-1:]]
-    return next((cause for cause in causes if [cause.id] == ids), None)
+@dataclass(frozen=True)
+class _Entry:
+    """What a step adds, in the words of the answer."""
+
+    id: str
+    told_together: Sequence[str]
+    formula: str
+    log_bayes_factor: float
+
+
+def _entries(naming: Naming, causes: Sequence[Named]) -> list[_Entry]:
+    """Each term, then the map."""
+    said = {cause.id: cause for cause in causes}
+    named = [said[str(refit.candidate.cause)] for refit in naming.accepted]
+    found = [_Entry(one.id, one.indistinguishable_from, one.formula, one.log_bayes_factor) for one in named]
+    if naming.heat and naming.map_id:
+        knots = knots_of(naming.final.model)
+        table = Map(knots.speeds, knots.loads, (), knots.load)
+        written = formula(Term(1.0, shape=table), naming.heat.node, naming.final.model.network)
+        found.append(_Entry(naming.map_id, [], written, naming.heat.log_bayes_factor))
+    return found
 
 
 def _nodes(tests: Iterable[Test]) -> dict[str, str]:
@@ -101,7 +124,7 @@ class _Build:
         before: LeftOut | None,
         files: Version | None,
         ran: AsRecorded | None,
-        cause: Named | None = None,
+        entry: _Entry | None = None,
     ) -> ChainStep:
         """One step in the words of the answer."""
         if ran is None and files is not None and self.kept:
@@ -112,10 +135,10 @@ class _Build:
         }
         return ChainStep(
             step=number,
-            id=cause.id if cause else None,
-            told_together=list(cause.indistinguishable_from) if cause else [],
-            formula=cause.formula if cause else "",
-            log_bayes_factor=cause.log_bayes_factor if cause else None,
+            id=entry.id if entry else None,
+            told_together=list(entry.told_together) if entry else [],
+            formula=entry.formula if entry else "",
+            log_bayes_factor=entry.log_bayes_factor if entry else None,
             sessions_better=better,
             sessions=len(self.campaign.tests),
             left_out_mae_K=self._by_node(after.by_channel_K()),
@@ -125,11 +148,12 @@ class _Build:
             benches=dict(files.benches) if files else {},
         )
 
-    def files(self, reached: Fit, named: Sequence[Refit], identity: str) -> tuple[Version | None, AsRecorded | None]:
-        """The files with the first terms, and the kept sessions replayed with them, where there are such; no files
-        where these cannot say the terms, or a replay with them runs away."""
-        said = ", ".join(str(refit.candidate.cause) for refit in named)
-        note = f"The first {len(named)} of diagnosis {identity}: {said}."
+    def files(
+        self, reached: Fit, named: Sequence[Refit], first: Sequence[str], identity: str
+    ) -> tuple[Version | None, AsRecorded | None]:
+        """The files with the `first` terms, by their ids, and the kept sessions replayed with them, where there are
+        such; no files where these cannot say the terms, or a replay with them runs away."""
+        note = f"The first {len(first)} of diagnosis {identity}: {', '.join(first)}."
         try:
             made = version(self.question, self.campaign, reached, named, (), note)
         except (IngestError, MotorFileError, TwinError):

@@ -129,7 +129,7 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
         shown=wrong,
         causes=causes,
         rivals=rivals(naming, found.refused),
-        unknown=[unknown_heat(heat, network, naming.patchwork) for heat in found.unknown],
+        unknown=[unknown_heat(heat, naming, kept) for heat in found.unknown],
         masked=[*masked(question, faults), *left_out(question, campaign), *kept_at_all.left_out],
         recalibrated_model=recalibrated.motor if recalibrated else None,
         recalibrated_bench=recalibrated.bench if recalibrated else None,

@@ -30,7 +30,7 @@ def formula(term: Term, place: str, network: Network) -> str:
     factors = [_power(feature, exponent, network) for feature, exponent in product(term).powers]
     where = ""
     if isinstance(term.shape, Map):
-        factors.append("map(n, M)")
+        factors.append(f"map(n, {_SYMBOLS[term.shape.over][0]})")
     elif term.shape is not None:
         factors.append("f(n, I)" if any(term.shape.current_slope) else "f(n)")
         where = f", {_shape(term.shape, network)}"

@@ -57,9 +57,11 @@ def _written(
 
 
 def _extended(question: Question, campaign: Campaign, found: Found, identity: str) -> Version | None:
-    """With every cause that was named, whether the kept sessions got better or not; None where a file can say none."""
+    """With every cause that was named, or an unknown heat that is a map, whether the kept sessions got better or not;
+    None where a file can say none."""
     named = [str(refit.candidate.cause) for refit in found.naming.accepted if refit.candidate.sayable]
     named += [str(swap.candidate.cause) for swap in found.swaps]
+    named += [found.naming.map_said] if found.naming.map_said else []
     if not named:  # what changes from session to session is said by no file
         return None
     note = f"Extended by diagnosis {identity}: {', '.join(named)}."

@@ -10,7 +10,7 @@ import numpy as np
 from replay.studies.diagnosis.answer_parts import place_of
 from replay.studies.diagnosis.kept_sessions import Measured, measured
 from replay.studies.diagnosis.question import Campaign
-from twin.diagnosis.free_heats import Unknown, describe, free_heats
+from twin.diagnosis.free_heats import Unknown, as_fitted, describe, free_heats
 from twin.diagnosis.naming import Naming, at_the_patchwork, search, without_term
 from twin.diagnosis.refined import Tell
 from twin.diagnosis.rounds import EVIDENT, Refit
@@ -50,13 +50,16 @@ def find(campaign: Campaign, model: Model, swaps: list[Swap], kept: list[Test], 
     result = None
     while kept:
         tell("predicting the kept sessions")
-        result = measured(base, naming.final, straight, straight_kept, bool(naming.accepted))
-        if not naming.accepted or naming.judged or not _speak_against(naming, result, straight, straight_kept):
+        result = measured(base, naming.final, straight, straight_kept, naming.learnt)
+        if not naming.learnt or naming.judged or not _speak_against(naming, result, straight, straight_kept):
             break
-        weakest = min(naming.accepted, key=lambda r: r.log_bayes_factor)
-        refused.append((weakest, "it makes the kept sessions worse: form error of the sessions learnt from"))
-        naming = _less(naming, weakest)
-        base = base if naming.accepted else naming.final
+        if naming.accepted:
+            weakest = min(naming.accepted, key=lambda r: r.log_bayes_factor)
+            refused.append((weakest, "it makes the kept sessions worse: form error of the sessions learnt from"))
+            naming = _less(naming, weakest)
+        else:
+            naming = replace(naming, heat=None, final=naming.rounds[0].base)
+        base = base if naming.learnt else naming.final
     unknown = _unknown(naming)
     if kept and swaps:
         crossed = supposing(Model(campaign.network, campaign.tests, model.parameters, naming.final.model.noise))
@@ -66,26 +69,26 @@ def find(campaign: Campaign, model: Model, swaps: list[Swap], kept: list[Test], 
 
 
 def _speak_against(naming: Naming, result: Measured, train: Sequence[Test], kept: Sequence[Test]) -> bool:
-    """Whether kept sessions get worse by the terms. No kept session has a heat without a name that the fit has beside
-    them: then the terms are held against the fit that has it too."""
-    if naming.heat is None:
+    """Whether kept sessions get worse by the terms, held against the fit that has the heat without a name too that
+    stands beside them; without terms, by this heat."""
+    if naming.heat is None or not naming.accepted:
         return result.worse
     before = _under_the_noise_of(naming.final, naming.searched[0].base)
     return measured(before, naming.final, train, kept, True).worse
 
 
 def _less(naming: Naming, refused: Refit) -> Naming:
-    """The naming without one term; without any, as if none had been looked for beside a heat without a name."""
+    """The naming without one term; without any, as if none had been looked for beside a heat in time without a name."""
     left = tuple(r for r in naming.accepted if r is not refused)
-    if not left and naming.heat:
+    if not left and naming.heat and not naming.heat.is_map:
         return replace(naming, accepted=(), heat=None, final=naming.rounds[0].base)
     final = without_term(naming.final, place_of(naming.final, refused), naming.rounds[0].base.beta)
     return replace(naming, accepted=left, final=final)
 
 
 def _baseline(naming: Naming) -> Fit:
-    """The fit without any named term, under the noise of the final one."""
-    return _under_the_noise_of(naming.final, naming.rounds[0].base) if naming.accepted else naming.final
+    """The fit without any named term or heat without a name, under the noise of the final one."""
+    return _under_the_noise_of(naming.final, naming.rounds[0].base) if naming.learnt else naming.final
 
 
 def _under_the_noise_of(final: Fit, found: Fit) -> Fit:
@@ -96,7 +99,7 @@ def _unknown(naming: Naming) -> list[Unknown]:
     """The heat beside which terms were named, that wins over every candidate, or stands where only patchwork fits; else
     what is left beside the named terms."""
     if naming.heat:
-        return [describe(naming.final, naming.heat)]
+        return [describe(naming.final, as_fitted(naming.final, naming.heat))]
     if naming.patchwork:
         return [describe(naming.final, at_the_patchwork(naming))]
     if naming.is_unknown:

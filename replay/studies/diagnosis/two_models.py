@@ -23,9 +23,10 @@ LEAST_RELIEF = 0.5  # sd that a healthy difference moves back: less is not told
 
 
 def two_models(question: Question, found: Found, kept: Sequence[Test]) -> TwoModels | None:
-    """None where nothing was named that a file can say, or where a model runs away."""
-    before, after = found.base, found.naming.final
-    if not (found.swaps or any(refit.candidate.sayable for refit in found.naming.accepted)):
+    """None where nothing was learnt that a file can say, or where a model runs away."""
+    naming = found.naming
+    before, after = found.base, naming.final
+    if not (found.swaps or naming.map_said or any(refit.candidate.sayable for refit in naming.accepted)):
         return None
     network = before.model.network
     plain = Plain(network)

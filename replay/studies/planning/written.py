@@ -9,9 +9,10 @@ import numpy as np
 
 from replay.engine.frame.frame import column_name
 from replay.studies.planning.plan import Planned
-from twin.diagnosis.next_tests import LOADS, Proposed
+from twin.diagnosis.next_tests import Proposed
 from twin.fitting.model import Floats
 from twin.motor.features import is_flow, scale
+from twin.motor.network import LOADS
 from twin.motor.outputs import BLOCK_S
 from twin.motor.sensor_laws import AMBIENT
 from twin.planning.courses import rest

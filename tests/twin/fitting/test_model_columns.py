@@ -46,7 +46,10 @@ EVERY: dict[str, tuple[actions.Action, float]] = {  # action and a size of its n
     "clock far off": (actions.Late(("R_1",), False), 7.5),
     "clock that runs wrong": (actions.Late(("R_1", "Y_1"), True), 900.0),
     "free heat": (actions.HeatTent(CASE, 300.0, 120.0), 20.0),
-    "free map": (actions.HeatKnot(CASE, (0.0, 0.5, 1.0), (-1.0, 0.0, 1.0), 1, 2), 20.0),
+    "free map": (
+        actions.HeatMap(CASE, (0.0, 0.5, 1.0), (-1.0, 0.0, 1.0), "torque", tuple(np.linspace(-1.0, 1.0, 9))),
+        20.0,
+    ),
 }
 MORE = (law(speed=2.0, current=2.0), law(current=2.0), law(speed=1.0))
 

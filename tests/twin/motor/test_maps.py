@@ -1,4 +1,4 @@
-"""Maps over speed and torque: bilinear, held at the edge, and weighed as part of a product of features."""
+"""Maps over speed and torque or current: bilinear, held at the edge, and weighed as part of a product of features."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ NETWORK = Network(
 def test_a_map_is_bilinear_between_its_knots_and_takes_magnitudes() -> None:
     rng = np.random.default_rng(1)
     u = {"speed": rng.uniform(-1, 1, 200), "torque": rng.uniform(0.1, 1, 200) * rng.choice([-1, 1], 200)}
-    expected = RegularGridInterpolator((TABLE.speed, TABLE.torque), np.array(TABLE.values))(
+    expected = RegularGridInterpolator((TABLE.speed, TABLE.load), np.array(TABLE.values))(
         np.column_stack([np.abs(u["speed"]), np.abs(u["torque"])])
     )
     found = features.evaluate((features.Monomial((), TABLE),), u, 200)[:, 0]
@@ -44,6 +44,14 @@ def test_a_map_with_torques_below_0_tells_braking_from_driving() -> None:
     found = features.evaluate((features.Monomial((), both),), u, 5)[:, 0]
     assert found.tolist() == [2.5, 2.5, 10.0, 10.0, 0.0]
     assert features.beyond(both, {"speed": np.array([0.5, 0.5]), "torque": np.array([-1.1, 1.1])}).all()
+
+
+def test_a_map_over_the_current_takes_its_magnitude() -> None:
+    over = replace(TABLE, over="current")
+    u = {"speed": np.array([0.5, -0.5]), "current": np.array([-0.4, 0.55]), "torque": np.array([9.0, 9.0])}
+    found = features.evaluate((features.Monomial((), over),), u, 2)[:, 0]
+    np.testing.assert_allclose(found, [7.0, 8.0])
+    assert features.Monomial((), over).features == ("speed", "current")
 
 
 def test_outside_a_map_its_edge_is_taken_and_can_be_said() -> None:
@@ -74,7 +82,9 @@ def test_a_map_makes_the_heat_that_it_says() -> None:
 REFUSED = {
     "one speed": (replace(TABLE, speed=(0.5,), values=(TABLE.values[0],)), BadValueError,
         "map has 1 speeds: give at least 2"),
-    "falling": (replace(TABLE, torque=(0.1, 0.4, 0.3, 1.0)), BadValueError, "its torques do not rise"),
+    "falling": (replace(TABLE, load=(0.1, 0.4, 0.3, 1.0)), BadValueError, "its torques do not rise"),
+    "braking current": (replace(TABLE, load=(-1.0, 0.4, 0.7, 1.0), over="current"), BadValueError,
+        "its currents begin below 0: a current is a magnitude"),
     "turned back": (replace(TABLE, speed=(-0.5, 0.5, 1.0)), BadValueError, "its speeds begin below 0: a speed is a"),
     "rows": (replace(TABLE, values=TABLE.values[:2]), BadValueError, "map needs 3 rows of 4 values"),
     "columns": (replace(TABLE, values=((0.0, 1.0),) * 3), BadValueError, "map needs 3 rows of 4 values"),

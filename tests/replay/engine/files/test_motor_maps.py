@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -51,6 +52,25 @@ def _file(folder: Path, csv: str | None = CSV, motor: str = MOTOR) -> Path:
 def test_a_map_is_read_from_its_file(tmp_path: Path, csv: str) -> None:
     (term,) = read_motor_file(_file(tmp_path, csv)).sources[0].terms
     assert (term.shape, term.coefficient, term.sd) == (TABLE, 1.0, 0.2)
+
+
+@pytest.mark.parametrize("corner", ["rpm \\ A", "rpm/A", "A"])
+def test_a_map_goes_over_the_current_where_its_corner_says_so(tmp_path: Path, corner: str) -> None:
+    motor = MOTOR.replace("torque_Nm = 50.0", "current_A = 50.0")
+    path = _file(tmp_path, CSV.replace("rpm \\ Nm", corner), motor)
+    (term,) = read_motor_file(path).sources[0].terms
+    assert term.shape == replace(TABLE, over="current")
+    kept = whole(path)
+    assert b"current_A = [0.0, 25.0, 50.0]" in kept
+    more = read_motor(kept.replace(b"coefficient = 4.0", b"coefficient = 5.0"), "motor.toml")
+    assert read_motor(written(kept, "motor.toml", more, "fitted"), "motor.toml").sources[0].terms[0].shape == term.shape
+
+
+def test_a_map_goes_over_one_of_torque_and_current(tmp_path: Path) -> None:
+    both = "{speed_rpm = [0, 1], torque_Nm = [0, 1], current_A = [0, 1], values = [[0, 0], [0, 0]]}"
+    motor = MOTOR.replace('"iron.csv"', both).replace("torque_Nm = 50.0", "torque_Nm = 50.0\ncurrent_A = 50.0")
+    with pytest.raises(MotorFileError, match="over the torque or over the current: leave one of them out"):
+        read_motor(motor.encode(), "motor.toml")
 
 
 def test_what_is_kept_holds_its_maps_line_by_line_and_comments_stay(tmp_path: Path) -> None:

@@ -23,7 +23,11 @@ def _refit(cause: str, repeated: bool = False) -> SimpleNamespace:
 
 
 def _offered(
-    patch: pytest.MonkeyPatch, *named: SimpleNamespace, kept: bool = True, runs_away: str = ""
+    patch: pytest.MonkeyPatch,
+    *named: SimpleNamespace,
+    kept: bool = True,
+    runs_away: str = "",
+    map_said: str | None = None,
 ) -> tuple[offers.Offered, list[object]]:
     """What is offered where these are named, and which tests were replayed; the model `runs_away` does so."""
     replayed: list[object] = []
@@ -39,7 +43,7 @@ def _offered(
 
     patch.setattr(offers, "version", version)
     patch.setattr(offers, "as_recorded", as_recorded)
-    naming = SimpleNamespace(accepted=named, final="extended")
+    naming = SimpleNamespace(accepted=named, final="extended", map_said=map_said)
     found: Any = SimpleNamespace(base="recalibrated", naming=naming, swaps=[])
     tests: Any = ["kept"] if kept else []
     return offers.offered(QUESTION, CAMPAIGN, found, "4f0c", tests), replayed
@@ -57,6 +61,12 @@ def test_without_kept_sessions_too_if_those_that_were_learnt_from_replay(monkeyp
     assert list(found.files) == ["before", "after"]
     assert found.runs == {}, "nothing is measured on what was learnt from"
     assert replayed == [(["t"], ["learnt from"])] * 3
+
+
+def test_a_heat_without_a_name_is_in_the_extended_file_where_that_can_say_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, _ = _offered(monkeypatch, map_said="loss.magnet.map")
+    assert list(found.files) == ["before", "after"]
+    assert list(_offered(monkeypatch)[0].files) == ["before"]
 
 
 def test_what_no_file_can_say_is_in_none(monkeypatch: pytest.MonkeyPatch) -> None:
