@@ -24,14 +24,14 @@ def run(args: argparse.Namespace) -> Answer:
     from replay.cli.progress import tell
     from replay.engine.files.models import for_intake
     from replay.show.verbs.corrections import put_right_json, put_right_text
-    from replay.studies.again.stale import stale
+    from replay.studies.again.stale import became_stale
 
     said = Override(args.specimen, args.batch, args.kind)
     if said == Override() and args.bench is None and not args.dbc:
         raise CorrectionError("nothing to correct: say what is right: --bench, --dbc, --specimen, --batch or --kind")
     with Store.open(store_folder(args), write=True) as store:
         done = correct(store, args.what, said, (args.bench, databases_of(args)), args.reason, for_intake, tell)
-        found = stale(store.ledger.events(), done.after)
+        found = became_stale(store.ledger.events(), done.before, done.after)
         store.ledger.seal()
         answer = put_right_json(done, args.reason, found)
         data = {"schema": "whyhot.correction/1", **answer, "provenance": provenance(store)}

@@ -18,11 +18,11 @@ def run(args: argparse.Namespace) -> Answer:
     from ingest.facts.store import Store
     from ingest.intake.retractions import forget
     from replay.show.verbs.corrections import forgotten_json, forgotten_text
-    from replay.studies.again.stale import stale
+    from replay.studies.again.stale import became_stale
 
     with Store.open(store_folder(args), write=True) as store:
         found = forget(store, args.log, args.reason)
-        answers = stale(store.ledger.events(), found.done.after)
+        answers = became_stale(store.ledger.events(), found.done.before, found.done.after)
         store.ledger.seal()
         answer = forgotten_json(found, args.reason, answers)
         data = {"schema": "whyhot.forgetting/1", **answer, "provenance": provenance(store)}

@@ -19,11 +19,11 @@ def run(args: argparse.Namespace) -> Answer:
     from ingest.facts.store import Store
     from ingest.intake.retractions import reinstate, retract
     from replay.show.verbs.corrections import put_right_json, put_right_text
-    from replay.studies.again.stale import stale
+    from replay.studies.again.stale import became_stale
 
     with Store.open(store_folder(args), write=True) as store:
         done = (reinstate if args.undo else retract)(store, args.what, args.reason)
-        found = stale(store.ledger.events(), done.after)
+        found = became_stale(store.ledger.events(), done.before, done.after)
         store.ledger.seal()
         data = {
             "schema": "whyhot.retraction/1",

@@ -96,7 +96,7 @@ def _ending(diagnosis: Diagnosis) -> Iterator[tuple[str, Sequence[str]]]:
     for heat in diagnosis.unknown:
         evidence = f"ln BF {verdict.figures(heat.log_bayes_factor)}{' of the strongest' * bool(heat.patchwork)}"
         told = [verdict.unknown_sentence(heat), verdict.goes_with(heat) + words.capital(evidence)]
-        yield "Unknown", [*told, *filter(None, [verdict.what_the_file_says(diagnosis, heat)])]
+        yield "Unknown", [*told, *filter(None, [words.capital(verdict.what_the_file_says(diagnosis, heat))])]
     yield "Rivals", [*_rivals(diagnosis)] or ["none above the null"]
 
 

@@ -50,7 +50,8 @@ def _no_gain(diagnosis: Diagnosis) -> str:
         errors = kept_errors.errors(worst, ["before", "after"])
         return f"With it the kept sessions get worse than recalibrated, most the {words.name(worst.node)}: {errors}"
     published, before = (_mean_K(diagnosis, stage) for stage in ("published", "before"))
-    reasons = [one.why_not_improved for one in (*diagnosis.fitted_with, *diagnosis.unknown)]
+    reasons = [cause.why_not_improved for cause in diagnosis.fitted_with]
+    reasons += [heat.why_not_improved for heat in diagnosis.unknown]
     if _mean_K(diagnosis, "after") <= TAKEN * before and (why := next(filter(None, reasons), "")):
         return f"The kept sessions are nearer with it, but {why}"
     if before <= TAKEN * published:

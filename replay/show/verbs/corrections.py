@@ -20,7 +20,7 @@ BACKUPS = "whyhot backup DIR, of each backup that there is: it holds these bytes
 
 
 def put_right_json(done: PutRight, reason: str, stale: StaleAnswers) -> dict[str, Any]:
-    """Ids are whole; `stale` holds all that is stale now, asked again or not."""
+    """Ids are whole; `stale` holds all that became stale by it, asked again since or not."""
     return {
         "facts": [{"fact": one.stream, "kind": one.kind, "name": one.name} for one in done.named],
         "reason": reason,

@@ -87,6 +87,19 @@ def stale(recorded: Iterable[Recorded], facts: Facts) -> StaleAnswers:
     return StaleAnswers([*found.values()], list(dict.fromkeys(in_use)), [*look.answered.values()])
 
 
+def became_stale(recorded: Iterable[Recorded], before: Facts, after: Facts) -> StaleAnswers:
+    """What is stale by the facts `after` and was not by those `before`, or for another reason."""
+    events = list(recorded)
+    was, now = stale(events, before), stale(events, after)
+    known = {(id(one.event), one.why) for one in (*was.answers, *was.answered)}
+
+    def fresh(found: Sequence[Stale]) -> list[Stale]:
+        return [one for one in found if (id(one.event), one.why) not in known]
+
+    in_use = [line for line in now.in_use if line not in was.in_use]
+    return StaleAnswers(fresh(now.answers), in_use, fresh(now.answered))
+
+
 class _Look:
     """The answers of a ledger looked at in turn: `models` are those that are stale by then, and why."""
 

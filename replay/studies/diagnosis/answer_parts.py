@@ -252,9 +252,9 @@ def judged_by(naming: Naming) -> str:
 
 def suspected_test(naming: Naming) -> str | None:
     """The test after which the best candidate that nothing was named for would stand out, if it is there; None without
-    one."""
+    one, or where something was learnt in its place."""
     best = naming.rounds[0].best
-    test = telling_test(naming.rounds[0], best.candidate) if best and not naming.accepted else None
+    test = telling_test(naming.rounds[0], best.candidate) if best and not naming.learnt else None
     return f"{test}: it would show whether {best.candidate.cause} is there" if best and test else None
 
 

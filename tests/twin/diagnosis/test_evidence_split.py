@@ -93,7 +93,7 @@ def test_a_term_that_is_left_out_splits_alike_wherever_it_stands(base: Fit) -> N
     place = len(base.model.parameters)
     accepted = [(CANDIDATES[p.name], p) for p in two.model.parameters[place:]]
     searched = (rounds.scored(base, [CANDIDATES[FALSE]]),)
-    found = naming._eliminated(Naming(searched, (), (), two, (), -np.inf), accepted, place)
+    found = naming._eliminated(Naming(searched, (), (), two, (), -np.inf), accepted)
     first = found.accepted[0]
     without = naming.without_term(two, place, base.beta)
     split = first.evidence

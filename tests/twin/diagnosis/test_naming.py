@@ -17,6 +17,7 @@ from made.motor import AMBIENT_DEGC, CHANNELS, COOLANT_DEGC, SINGLE, every_law, 
 from twin.diagnosis import naming, rounds
 from twin.diagnosis.crudeness import USUAL
 from twin.diagnosis.evidence import TOLD_APART
+from twin.diagnosis.free_heats import as_fitted
 from twin.diagnosis.naming import Naming, search
 from twin.diagnosis.patchwork import around, nodes_of
 from twin.diagnosis.posterior_mode import rises, slowest_mode_s
@@ -279,8 +280,10 @@ def test_the_heat_is_told_as_the_last_fit_has_it(beside_heat: Naming) -> None:
     heat, model = beside_heat.heat, beside_heat.final.model
     assert heat is not None
     tents = [i for i, p in enumerate(model.parameters) if isinstance(p.action, HeatTent)]
-    np.testing.assert_array_equal(heat.watts, beside_heat.final.beta[tents])
-    assert 60.0 < np.ptp(heat.watts) < 120.0  # its mean is nothing that a constant loss could not be
+    told = as_fitted(beside_heat.final, heat)
+    np.testing.assert_array_equal(told.watts, beside_heat.final.beta[tents])
+    np.testing.assert_allclose(told.sd, np.sqrt(beside_heat.final.covariance_diagonal[tents]))
+    assert 60.0 < np.ptp(told.watts) < 120.0  # its mean is nothing that a constant loss could not be
 
 
 def test_nothing_is_named_at_the_place_of_a_heat_without_a_name(beside_heat: Naming) -> None:

@@ -26,7 +26,7 @@ from ingest.facts.store import Store
 from made import can_bench
 from made.events import decode, raw, session
 from replay.cli import main
-from replay.studies.again.stale import StaleAnswers, stale
+from replay.studies.again.stale import StaleAnswers, became_stale, stale
 
 LOGS = {name: raw(f"{name}.blf") for name in ("1_s1", "2_s2", "3_wltp")}
 BENCH = BenchRegistered(sha256="b0", name="bench.toml", motor="servo", model="m0")
@@ -34,17 +34,22 @@ BENCH = BenchRegistered(sha256="b0", name="bench.toml", motor="servo", model="m0
 
 def look(*more: tuple[str, Event]) -> StaleAnswers:
     """What is stale of three sessions, each of one log, and `more`."""
+    rows = ledger(*more)
+    return stale(rows, ledger_facts.fold(rows))
+
+
+def ledger(*more: tuple[str, Event]) -> list[Recorded]:
+    """Three sessions, each of one log, and `more`."""
     events: list[tuple[str, Event]] = [("bench-b0", BENCH)]
     for name, log in LOGS.items():
         files = [{"raw": log.sha256, "decode": f"d{name}", "first_record": 0, "last_record": 9}]
         recorded = replace(session(f"id_{name}", name, bench="b0"), files=files)
         stream = f"file-{log.sha256}"
         events += [(stream, log), (stream, decode(f"d{name}", log.sha256, "b0")), (f"session-id_{name}", recorded)]
-    rows = [
+    return [
         Recorded(n, stream, n, event, None, f"2026-01-01T00:00:{n:02}.000000Z", "whyhot 0", None, None, "")
         for n, (stream, event) in enumerate([*events, *more], 1)
     ]
-    return stale(rows, ledger_facts.fold(rows))
 
 
 def key(*names: str, **more: Any) -> dict[str, Any]:
@@ -108,6 +113,14 @@ def test_what_learnt_from_a_log_that_was_taken_back_is_stale_and_so_is_all_that_
         (("id_1_s1", "id_3_wltp"), "m0"),
         (("id_1_s1",), "m0"),
     ], "from the last model that is not stale"
+
+
+def test_of_two_logs_that_were_taken_back_the_second_is_told_with_what_it_made_stale() -> None:
+    asked = [*diagnosis("7", "2_s2", "3_wltp"), *diagnosis("8", "1_s1", kept=("3_wltp",))]
+    rows = ledger(*asked, gone("2_s2"), gone("1_s1"))
+    found = became_stale(rows, ledger_facts.fold(rows[:-1]), ledger_facts.fold(rows))
+    assert told(found) == [("diagnosis d-8", "1_s1 was taken back")]
+    assert [name for name, _ in told(stale(rows, ledger_facts.fold(rows)))] == ["diagnosis d-7", "diagnosis d-8"]
 
 
 def test_what_was_accepted_stays_named_until_another_is() -> None:

@@ -50,6 +50,6 @@ def test_a_step_offers_what_can_be_written_and_replayed(
         kept, train, tests = "kept", "learnt", [2]
 
     build = chain._Build(cast(Any, Asked), cast(Any, Asked), cast(Any, [1] if kept else []), {})
-    files, runs = build.files(cast(Any, None), (), "d")
+    files, runs = build.files(cast(Any, None), (), (), "d")
     assert files == left
     assert runs is (ran if left and kept else None)

@@ -195,7 +195,7 @@ def test_a_map_of_losses_has_their_values_where_the_motor_reaches(
     motor.write_text(MOTOR)
     table = read_motor(whole(motor), motor.name).sources[0].terms[0].shape
     assert isinstance(table, Map)
-    speed, torque, loss = np.array(table.speed), np.array(table.torque), np.array(table.values)
+    speed, torque, loss = np.array(table.speed), np.array(table.load), np.array(table.values)
     reached = np.abs(torque) <= np.minimum(300, 900_000 / speed)[:, None] * 0.98
     driving, braking = reached & (torque >= 0), reached & (torque < -30)
     expected = 10 + speed[:, None] / 50 + np.abs(torque)
@@ -246,8 +246,8 @@ def test_a_table_of_operating_points_becomes_maps_whatever_it_calls_its_columns(
     motor.write_text(MOTOR.replace("iron_loss_stator_tooth", "eisenverluste"))
     table = read_motor(whole(motor), motor.name).sources[0].terms[0].shape
     assert isinstance(table, Map)
-    assert (table.speed[-1], table.torque[0], table.torque[-1]) == (10_000, -50, 300)
-    expected = 10 + np.array(table.speed)[:, None] / 50 + np.array(table.torque)
+    assert (table.speed[-1], table.load[0], table.torque[-1]) == (10_000, -50, 300)
+    expected = 10 + np.array(table.speed)[:, None] / 50 + np.array(table.load)
     np.testing.assert_allclose(np.array(table.values), expected, rtol=1e-4)
 
 
