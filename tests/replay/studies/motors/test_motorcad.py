@@ -246,7 +246,7 @@ def test_a_table_of_operating_points_becomes_maps_whatever_it_calls_its_columns(
     motor.write_text(MOTOR.replace("iron_loss_stator_tooth", "eisenverluste"))
     table = read_motor(whole(motor), motor.name).sources[0].terms[0].shape
     assert isinstance(table, Map)
-    assert (table.speed[-1], table.load[0], table.torque[-1]) == (10_000, -50, 300)
+    assert (table.speed[-1], table.load[0], table.load[-1]) == (10_000, -50, 300)
     expected = 10 + np.array(table.speed)[:, None] / 50 + np.array(table.load)
     np.testing.assert_allclose(np.array(table.values), expected, rtol=1e-4)
 
