@@ -180,17 +180,30 @@ def search(
         found = _searched(found, first, candidates, model.parameters, tell)
         if _is_patchwork(found):
             found = replace(found, accepted=(), patchwork=found.accepted, final=first.base)
-    beside = found.is_unknown and not judging
-    return _beside_heat(found, candidates, model.parameters, tell) if beside else found
+    if found.is_unknown and not judging:
+        return _beside_heat(found, candidates, model.parameters, tell)
+    return _and_a_map(found, [], candidates, model.parameters, tell) if found.is_unknown else found
 
 
 def _searched(
     found: Naming, first: Round, candidates: Sequence[Candidate], stated: Sequence[Parameter], tell: Tell
 ) -> Naming:
-    """Term after term from the round `first` on, then, where sessions left out judge, a loss over speed and load that
-    no term has, and what shows beside it. `stated`: the parameters of the model without any term."""
+    """Term after term from the round `first` on, then a map where it holds. `stated`: the parameters of the model
+    without any term."""
     accepted: list[tuple[Candidate, Parameter]] = []
     found = _more_terms(replace(found, rounds=(first,)), accepted, candidates, stated, tell)
+    return _and_a_map(found, accepted, candidates, stated, tell)
+
+
+def _and_a_map(
+    found: Naming,
+    accepted: list[tuple[Candidate, Parameter]],
+    candidates: Sequence[Candidate],
+    stated: Sequence[Parameter],
+    tell: Tell,
+) -> Naming:
+    """Beside the terms `accepted` a loss over speed and load that no term has, and the terms that show beside it, where
+    sessions left out judge and let it in."""
     if not found.judged or found.heat or not (held := _map_that_holds(found.final, candidates, tell)):
         return found
     heat, current = held
