@@ -221,18 +221,31 @@ class _Uncalibrated:
         reads `wrong[name]`."""
         gram, right, rest = np.diag(self.precision), np.zeros(len(self.precision)), 0.0
         for s in self.numbers:
-            for name, record in recorded.items():
-                if (s, record) in self.records:
-                    misread = (wrong or {}).get(name, RIGHT)
-                    same = name == record and misread is RIGHT
-                    piece = self._own[s, name] if same else self._piece(s, name, record, misread)
-                    gram[np.ix_(piece.at, piece.at)] += piece.gram
-                    right[piece.at] += piece.right
-                    rest += piece.square + piece.log_r
+            pieces = self._pieces(s, recorded, wrong or {})
+            if not pieces:
+                continue
+            at = pieces[0].at  # of one test: the same places for all its channels
+            among = np.ix_(at, at)
+            gram_there, right_there = gram[among], right[at]
+            for piece in pieces:
+                gram_there += piece.gram
+                right_there += piece.right
+                rest += piece.square + piece.log_r
+            gram[among], right[at] = gram_there, right_there
         lower = cholesky(gram, lower=True)
         fitted = solve_triangular(lower, right, lower=True)
         volume = 2 * np.log(np.diag(lower)).sum() - np.log(self.precision).sum()
         return -float(rest + volume - fitted @ fitted) / 2
+
+    def _pieces(self, s: int, recorded: Mapping[str, str], wrong: Mapping[str, _Misreading]) -> list[_Piece]:
+        """Every channel of a test, as its record is read."""
+        pieces = []
+        for name, record in recorded.items():
+            if (s, record) in self.records:
+                misread = wrong.get(name, RIGHT)
+                same = name == record and misread is RIGHT
+                pieces.append(self._own[s, name] if same else self._piece(s, name, record, misread))
+        return pieces
 
     def _piece(self, s: int, name: str, record: str, wrong: _Misreading) -> _Piece:
         simulated, kept, sensor = self.simulated[s, name], self.records[s, record], self.sheet[name].sensor
