@@ -90,7 +90,7 @@ def test_it_is_a_step_of_the_chain(answer: Diagnosis) -> None:
 
 def test_the_text_says_what_the_file_says(answer: Diagnosis) -> None:
     told = " ".join(diagnosis_text.diagnosis_text(answer).split())
-    assert "while the motor brakes" in told and "in the extended motor file" in told
+    assert "while the motor brakes" in told and "In the extended motor file" in told
 
 
 def test_once_accepted_the_motor_file_has_the_map(
