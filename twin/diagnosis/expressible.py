@@ -42,9 +42,9 @@ WORTH_A_CORRECTION = 0.3  # of its prior sd: a smaller common error is not writt
 
 def expressible(found: Fit, named: Collection[int], driving: Collection[str]) -> Fit:
     """The fit again, its vector in the same places, with what files cannot say at 0: a path or a share of a sensor
-    below 0, the clock of a bus that drives the model, healthy differences below `WORTH_A_LINE`, and errors of the bench
-    that are less than `SURE`; where the form of the file is wrong, also what readings, and the bench in one test, are
-    off by.
+    below 0, the clock of a bus that drives the model, a heat over the current of a motor that brakes, healthy
+    differences below `WORTH_A_LINE`, and errors of the bench that are less than `SURE`; where the form of the file is
+    wrong, also what readings, and the bench in one test, are off by.
 
     `named`: places in the vector that stay as they are; what is healthy of the same action is never too small;
     `driving`: channels on a bus that stamps inputs too. What else belongs to one test is no part of a file and stays
@@ -54,7 +54,7 @@ def expressible(found: Fit, named: Collection[int], driving: Collection[str]) ->
     causes = {parameters[p].action for p in named if parameters[p].test is None}
     unnamed = np.array([p not in named for p in range(len(parameters))])
     open_ = unnamed & np.array([one.test is None for one in parameters])
-    unsayable = open_ & np.array([_is_common_drive(one, driving) for one in parameters])
+    unsayable = open_ & np.array([_is_common_drive(one, driving) or _is_no_map(one) for one in parameters])
     if is_wrong_in_form(found.model):
         unsayable |= unnamed & np.array([_is_of_these_tests(one) for one in parameters])
     positive = open_ & np.array([_is_share(one) for one in parameters])
@@ -127,6 +127,11 @@ def _is_common_drive(one: Parameter, driving: Collection[str]) -> bool:
 def _is_of_these_tests(one: Parameter) -> bool:
     """Whether it is an error of a reading, or of anything on the bench in one test."""
     return isinstance(one.action, Misreading) or (one.test is not None and isinstance(one.action, actions.OnBench))
+
+
+def _is_no_map(one: Parameter) -> bool:
+    """Whether it is a heat over speed and load that no motor file says."""
+    return isinstance(one.action, actions.HeatMap) and not one.action.sayable
 
 
 def _is_share(one: Parameter) -> bool:

@@ -327,7 +327,7 @@ def without_term(current: Fit, place: int, calm: Floats) -> Fit:
 
 def _eliminated(found: Naming, accepted: list[tuple[Candidate, Parameter]]) -> Naming:
     """Leave every term out once, both sides fitted; the weakest goes while it is under the threshold."""
-    left_out = list(found.left_out)
+    went = list(found.left_out)
     current = found.final
     while accepted:
         each = []
@@ -337,11 +337,11 @@ def _eliminated(found: Naming, accepted: list[tuple[Candidate, Parameter]]) -> N
             each.append((compared(current, without, candidate, parameter, place), without))
         weakest = min(range(len(each)), key=lambda i: each[i][0].log_bayes_factor)
         if each[weakest][0].log_bayes_factor > found.threshold:
-            return replace(found, accepted=tuple(c for c, _ in each), left_out=tuple(left_out), final=current)
-        left_out.append((accepted[weakest][0], each[weakest][0].log_bayes_factor))
+            return replace(found, accepted=tuple(c for c, _ in each), left_out=tuple(went), final=current)
+        went.append((accepted[weakest][0], each[weakest][0].log_bayes_factor))
         current = each[weakest][1]
         del accepted[weakest]
-    return replace(found, accepted=(), left_out=tuple(left_out), final=current)
+    return replace(found, accepted=(), left_out=tuple(went), final=current)
 
 
 def at_the_patchwork(naming: Naming) -> FreeHeat:

@@ -103,6 +103,15 @@ def cost(model: Model, beta: Floats) -> float:
     return float(sum(w @ w for w in white) + np.sum((beta / model.sd) ** 2)) / 2
 
 
+@pytest.mark.parametrize(("load", "written"), [("current", 0.0), ("torque", 5.0)])
+def test_a_map_over_the_current_of_a_motor_that_brakes_is_said_by_no_file(
+    tests: list[Test], load: str, written: float
+) -> None:
+    part = actions.HeatMap(NAMES.index("case"), (0.0, 1.0), (-1.0, 1.0), load, (1.0, 0.0, 0.0, 0.0))
+    found = fit_at([replace(one, load=one.inputs["current"]) for one in tests], [(Parameter("heat", part, 5.0), 5.0)])
+    assert expressible(found, [], ()).beta == pytest.approx([written])
+
+
 def test_what_is_not_worth_a_line_goes_unless_it_is_named(fitted: Fit) -> None:
     names = [p.name for p in fitted.model.parameters]
     gains = [Parameter(f"gain{i}", sensor_laws.Gain(c), 0.01) for i, c in enumerate(("Y_1", "R_1"))]
