@@ -51,6 +51,11 @@ class Knots:
         return cls(tuple(speeds.tolist()), tuple(loads.tolist()), "torque" if tests[0].load_is_torque else "current")
 
     @property
+    def sayable(self) -> bool:
+        """Whether a motor file can say a map over them."""
+        return HeatMap(0, self.speeds, self.loads, self.load, ()).sayable
+
+    @property
     def correlation(self) -> Floats:
         """How alike two heights are, (q, q)."""
         at = np.indices((len(self.speeds), len(self.loads))).reshape(2, -1).T.astype(np.float64)

@@ -32,6 +32,7 @@ import numpy as np
 from twin.diagnosis.crudeness import crudeness, listed
 from twin.diagnosis.evidence import TOLD_APART
 from twin.diagnosis.free_heats import as_parameters, free_heats, free_maps
+from twin.diagnosis.free_maps import Knots
 from twin.diagnosis.left_out import LeftOut, left_out
 from twin.diagnosis.patchwork import Survivor, around, is_patchwork, nodes_of
 from twin.diagnosis.posterior_mode import is_wrong_in_form
@@ -250,7 +251,11 @@ def _left(candidates: Sequence[Candidate], accepted: Sequence[tuple[Candidate, P
 
 def _map_that_holds(current: Fit, candidates: Sequence[Candidate], tell: Tell) -> tuple[FreeHeat, Fit] | None:
     """The free loss map with which sessions left out are nearest, and the fit with it: of those that evidence would let
-    in, where it holds as a term must, and again under noise that is learnt with it. None where none does."""
+    in, where it holds as a term must, and again under noise that is learnt with it. None where none does, or where no
+    motor file could say it."""
+    knots = Knots.of(current.model.tests)
+    if knots is None or not knots.sayable:
+        return None
     tell("looking for a loss over speed and load that no candidate says")
     before = left_out(current)
     best: tuple[FreeHeat, Fit, LeftOut] | None = None
