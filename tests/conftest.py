@@ -17,10 +17,6 @@ settings.load_profile("house")
 
 # Two workers share the processors: threads that wait for each other over small matrices take what the other one needs.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
-# Hundreds of Pythons are started, each of which would compile every module anew: what is compiled once is kept,
-# whatever the environment says.
-os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-sys.dont_write_bytecode = False
 os.environ.pop("COLUMNS", None)  # printed text is as wide as it says: here 100, whoever runs the tests
 
 HERE = Path(__file__).parent
