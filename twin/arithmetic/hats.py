@@ -29,3 +29,13 @@ def hats(values: Floats, knots: Sequence[float]) -> Floats:
            [0.  , 0.  , 1.  ]])
     """
     return np.column_stack([hat(values, knots, place) for place in range(len(knots))])
+
+
+def surface(x: Floats, y: Floats, at_x: Sequence[float], at_y: Sequence[float], heights: Floats) -> Floats:
+    """What is linear between the knots `at_x` and `at_y`, with these heights (x, y) there, at the points x, y (N,).
+
+    >>> import numpy as np
+    >>> surface(np.array([0.5]), np.array([2.0]), (0.0, 1.0), (0.0, 1.0), np.array([[0.0, 4.0], [0.0, 8.0]]))
+    array([6.])
+    """
+    return np.asarray(((hats(x, at_x) @ heights) * hats(y, at_y)).sum(axis=1))

@@ -57,19 +57,17 @@ def free_heats(current: Fit, maps: bool = False) -> tuple[FreeHeat, ...]:
     names = [node.name for node in current.model.network.nodes]
     total_W = mean_loss_W(current.model.network, current.model.tests)
     found = [free_heat(name, own, e0, projector, total_W) for name, own in zip(names, _in_time(current), strict=True)]
-    found += free_maps(current) if maps else ()
-    return tuple(sorted(found, key=lambda heat: -heat.log_bayes_factor))
+    found += _maps(current, projector, e0) if maps else []
+    return _best_first(found)
 
 
 def free_maps(current: Fit) -> tuple[FreeHeat, ...]:
     """The free loss map of every node about a fit, highest ln BF first; none where nobody knows speed and load."""
-    if not (knots := Knots.of(current.model.tests)):
-        return ()
     projector, _, e0 = stacked(current, current.linearised())
-    names = [node.name for node in current.model.network.nodes]
-    total_W = mean_loss_W(current.model.network, current.model.tests)
-    over = zip(names, _over(knots, current, projector, e0), strict=True)
-    found = [one.heat(name, knots.correlation, total_W) for name, one in over]
+    return _best_first(_maps(current, projector, e0))
+
+
+def _best_first(found: Sequence[FreeHeat]) -> tuple[FreeHeat, ...]:
     return tuple(sorted(found, key=lambda heat: -heat.log_bayes_factor))
 
 
@@ -89,10 +87,15 @@ def as_parameters(current: Fit, heat: FreeHeat) -> list[Parameter]:
 
 def as_fitted(found: Fit, heat: FreeHeat) -> FreeHeat:
     """A heat as a fit has it that it stands among the parameters of (`as_parameters`)."""
-    own = [p for p, one in enumerate(found.model.parameters) if isinstance(one.action, actions.PartOfHeat)]
+    own = places_of_heat(found.model)
     maps = knots_of(found.model).alike if heat.is_map else np.eye(len(own))
     covariance = np.linalg.inv(found.hessian)[np.ix_(own, own)]
     return replace(heat, watts=maps @ found.beta[own], sd=np.sqrt(np.einsum("ik,kl,il->i", maps, covariance, maps)))
+
+
+def places_of_heat(model: Model) -> list[int]:
+    """Where a free heat stands among the parameters."""
+    return [p for p, one in enumerate(model.parameters) if isinstance(one.action, actions.PartOfHeat)]
 
 
 def _in_time(current: Fit) -> list[list[Response]]:
@@ -106,14 +109,18 @@ def _in_time(current: Fit) -> list[list[Response]]:
     return found
 
 
-def _over(knots: Knots, current: Fit, projector: Projector, e0: Floats) -> list[SumsOverTests]:
-    """Node by node its responses to a map, added up over the tests."""
+def _maps(current: Fit, projector: Projector, e0: Floats) -> list[FreeHeat]:
+    """The free loss map of every node, its responses added up over the tests; none where nobody knows speed and
+    load."""
+    if not (knots := Knots.of(current.model.tests)):
+        return []
     each = np.eye(len(knots.correlation))
-    found = [SumsOverTests(len(each), e0, projector) for _ in current.model.network.nodes]
+    found = {node.name: SumsOverTests(len(each), e0, projector) for node in current.model.network.nodes}
     for rows, by_node in _responding(current, lambda _, node: knots.parts(node, each)):
-        for sums, columns in zip(found, by_node, strict=True):
+        for sums, columns in zip(found.values(), by_node, strict=True):
             sums.add(rows, columns)
-    return found
+    total_W = mean_loss_W(current.model.network, current.model.tests)
+    return [sums.heat(name, knots.correlation, total_W) for name, sums in found.items()]
 
 
 def _responding(

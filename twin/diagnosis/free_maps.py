@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cholesky
 
-from twin.arithmetic.hats import hats
+from twin.arithmetic.hats import hats, surface
 from twin.fitting.actions import HeatMap
 from twin.fitting.model import Floats, Test
 
@@ -75,21 +75,15 @@ class Knots:
 
     def course(self, watts: Floats, test: Test) -> Floats:
         """The heat (N,) [W] of a map (q,) [W] in the steps of a test."""
-        at_speed, at_load = self._near(test)
-        found: Floats = np.einsum("ns,nl,sl->n", at_speed, at_load, watts.reshape(len(self.speeds), -1))
-        return found
+        table = watts.reshape(len(self.speeds), -1)
+        return surface(test.inputs["speed"], test.load, self.speeds, self.loads, table)
 
     def seconds(self, tests: Sequence[Test]) -> Floats:
         """How long the motor was near each knot (s, l) [s]."""
         found: Floats = np.zeros((len(self.speeds), len(self.loads)))
         for test in tests:
-            at_speed, at_load = self._near(test)
-            found += test.frame.step_s * at_speed.T @ at_load
+            found += test.frame.step_s * hats(test.inputs["speed"], self.speeds).T @ hats(test.load, self.loads)
         return found
-
-    def _near(self, test: Test) -> tuple[Floats, Floats]:
-        """How near each step is to the knots of speed (N, s) and of load (N, l)."""
-        return hats(test.inputs["speed"], self.speeds), hats(test.load, self.loads)
 
     def followed(self, course: Floats, tests: Sequence[Test]) -> tuple[str, ...]:
         """What explains most of how a `course` (N,) varies over all steps of the tests, strongest first: "braking" or

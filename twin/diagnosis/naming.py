@@ -31,7 +31,7 @@ import numpy as np
 
 from twin.diagnosis.crudeness import crudeness, listed
 from twin.diagnosis.evidence import TOLD_APART
-from twin.diagnosis.free_heats import as_parameters, free_heats, free_maps
+from twin.diagnosis.free_heats import as_parameters, free_heats, free_maps, knots_of, places_of_heat
 from twin.diagnosis.free_maps import Knots
 from twin.diagnosis.left_out import LeftOut, left_out
 from twin.diagnosis.patchwork import Survivor, around, is_patchwork, nodes_of
@@ -43,6 +43,7 @@ from twin.diagnosis.rounds import (
     THRESHOLD,
     Refit,
     Round,
+    against,
     compared,
     scored,
     uncalibrated,
@@ -52,7 +53,7 @@ from twin.diagnosis.unknown import FreeHeat
 from twin.differences.candidates import Candidate
 from twin.differences.everyday import everyday
 from twin.errors import DivergedError
-from twin.fitting.actions import HeatMap, Parameter, PartOfHeat
+from twin.fitting.actions import Parameter
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
 from twin.fitting.model import Floats, Model
 
@@ -95,8 +96,7 @@ class Naming:
     @property
     def map_said(self) -> str | None:
         """`map_id` where a motor file can say the map."""
-        parts = (one.action for one in self.final.model.parameters if isinstance(one.action, HeatMap))
-        return self.map_id if any(part.sayable for part in parts) else None
+        return self.map_id if self.map_id and knots_of(self.final.model).sayable else None
 
     @property
     def judged(self) -> bool:
@@ -178,52 +178,32 @@ def search(
     found = replace(found, threshold=found.needed if threshold is None else threshold)
     if not found.is_unknown:
         first = with_refits(first, _of_cause(1, tell), uncalibrated(current, len(model.parameters)), judging)
-        found = _searched(found, first, candidates, model.parameters, tell)
+        found = _searched(replace(found, rounds=(first,)), candidates, model.parameters, tell)
         if _is_patchwork(found):
             found = replace(found, accepted=(), patchwork=found.accepted, final=first.base)
     if found.is_unknown and not judging:
         return _beside_heat(found, candidates, model.parameters, tell)
-    return _and_a_map(found, [], candidates, model.parameters, tell) if found.is_unknown else found
+    return _and_a_map(found, candidates, model.parameters, tell)
 
 
-def _searched(
-    found: Naming, first: Round, candidates: Sequence[Candidate], stated: Sequence[Parameter], tell: Tell
-) -> Naming:
-    """Term after term from the round `first` on, then a map where it holds. `stated`: the parameters of the model
-    without any term."""
-    accepted: list[tuple[Candidate, Parameter]] = []
-    found = _more_terms(replace(found, rounds=(first,)), accepted, candidates, stated, tell)
-    return _and_a_map(found, accepted, candidates, stated, tell)
-
-
-def _and_a_map(
-    found: Naming,
-    accepted: list[tuple[Candidate, Parameter]],
-    candidates: Sequence[Candidate],
-    stated: Sequence[Parameter],
-    tell: Tell,
-) -> Naming:
-    """Beside the terms `accepted` a loss over speed and load that no term has, and the terms that show beside it, where
-    sessions left out judge and let it in."""
+def _and_a_map(found: Naming, candidates: Sequence[Candidate], stated: Sequence[Parameter], tell: Tell) -> Naming:
+    """Beside the terms a loss over speed and load that no term has, and the terms that show beside it, where sessions
+    left out judge and let it in."""
     if not found.judged or found.heat or not (held := _map_that_holds(found.final, candidates, tell)):
         return found
     heat, current = held
-    again = with_refits(scored(current, _left(candidates, accepted)), _of_cause(len(accepted) + 1, tell), judging=True)
-    return _more_terms(replace(found, rounds=(*found.rounds, again), heat=heat), accepted, candidates, stated, tell)
+    left = _left(candidates, [one.candidate for one in found.accepted])
+    again = with_refits(scored(current, left), _of_cause(len(found.accepted) + 1, tell), judging=True)
+    return _searched(replace(found, rounds=(*found.rounds, again), heat=heat), candidates, stated, tell)
 
 
-def _more_terms(
-    found: Naming,
-    accepted: list[tuple[Candidate, Parameter]],
-    candidates: Sequence[Candidate],
-    stated: Sequence[Parameter],
-    tell: Tell,
-) -> Naming:
-    """Term after term beside those `accepted`, which grow, from the last of the rounds on, then every one of them left
-    out once, so that some may go."""
+def _searched(found: Naming, candidates: Sequence[Candidate], stated: Sequence[Parameter], tell: Tell) -> Naming:
+    """Term after term beside those that were let in, from the last of the rounds on, then every one of them left out
+    once. `stated`: the parameters of the model without any term."""
     most = 1 if found.few_sessions else len(candidates) if found.judged else MOST_TERMS
     rounds = list(found.rounds)
     current = rounds[-1].base
+    accepted = [(one.candidate, one.parameter) for one in found.accepted]
     while True:
         best = rounds[-1].best
         if best is None or best.log_bayes_factor <= max(found.threshold, rounds[-1].null) or len(accepted) == most:
@@ -239,13 +219,13 @@ def _more_terms(
         accepted.append((best.candidate, best.parameter))
         rounds[-1].base.model.forget()
         tell_next("scoring")
-        rounds.append(with_refits(scored(current, _left(candidates, accepted)), tell_next, judging=found.judged))
+        left = _left(candidates, [candidate for candidate, _ in accepted])
+        rounds.append(with_refits(scored(current, left), tell_next, judging=found.judged))
     tell("leaving each cause out once")
     return _eliminated(replace(found, rounds=tuple(rounds), final=current), accepted)
 
 
-def _left(candidates: Sequence[Candidate], accepted: Sequence[tuple[Candidate, Parameter]]) -> list[Candidate]:
-    taken = [candidate for candidate, _ in accepted]
+def _left(candidates: Sequence[Candidate], taken: Sequence[Candidate]) -> list[Candidate]:
     return [c for c in candidates if c not in taken]
 
 
@@ -262,15 +242,13 @@ def _map_that_holds(current: Fit, candidates: Sequence[Candidate], tell: Tell) -
     for heat in free_maps(current)[:MAPS_ASKED]:
         if heat.log_bayes_factor <= EVIDENT:
             break
-        parts = as_parameters(current, heat)
         try:
-            found = fit(current.model.plus(parts), np.append(current.beta, np.zeros(len(parts))), NEAR_ENOUGH)
+            found = _with_heat(current, heat)
         except DivergedError:
             continue
         said = left_out(found)
         found.model.forget()
-        holds = not before.is_as_near_as(said) and said.gained(before).sum() > EVIDENT
-        if holds and (best is None or said.mean_K() < best[2].mean_K()):
+        if against(before, said) is None and (best is None or said.mean_K() < best[2].mean_K()):
             best = heat, found, said
     if best is None:
         return None
@@ -295,18 +273,16 @@ def _beside_heat(found: Naming, candidates: Sequence[Candidate], stated: Sequenc
     named so, a map stays among them all the same, and a heat in time goes. As it was where the motor runs away."""
     first = found.rounds[0].base
     heat = at_the_patchwork(found) if found.patchwork else found.heats[0]
-    tents = as_parameters(first, heat)
     network = first.model.network
     near = around(frozenset({heat.node}), network)
     elsewhere = [c for c in candidates if not near & nodes_of(c, network)]
     tell("looking beside the heat that has no name")
     try:
-        start = np.append(first.beta, np.zeros(len(tents)))
-        current = refined(fit(first.model.plus(tents), start, NEAR_ENOUGH), candidates, stated, tell)
+        current = refined(_with_heat(first, heat), candidates, stated, tell)
         wrong = found.wrong_in_form and is_wrong_in_form(current.model)
-        again = replace(found, patchwork=(), left_out=(), wrong_in_form=wrong)
         fresh = with_refits(scored(current, elsewhere), _of_cause(1, tell))
-        beside = _searched(again, fresh, elsewhere, stated, tell)
+        again = replace(found, rounds=(fresh,), patchwork=(), left_out=(), wrong_in_form=wrong)
+        beside = _searched(again, elsewhere, stated, tell)
     except DivergedError:
         return found
     if beside.accepted and not _is_patchwork(beside):
@@ -315,9 +291,15 @@ def _beside_heat(found: Naming, candidates: Sequence[Candidate], stated: Sequenc
     return replace(found, final=current, heat=heat) if heat.is_map else found
 
 
+def _with_heat(current: Fit, heat: FreeHeat) -> Fit:
+    """The fit with a free heat among its parameters, from where the others are."""
+    parts = as_parameters(current, heat)
+    return fit(current.model.plus(parts), np.append(current.beta, np.zeros(len(parts))), NEAR_ENOUGH)
+
+
 def without_heat(current: Fit) -> Fit:
     """The fit without the heat that has no name, from where the others are."""
-    parts = [i for i, one in enumerate(current.model.parameters) if isinstance(one.action, PartOfHeat)]
+    parts = places_of_heat(current.model)
     return fit(current.model.without(*parts), np.delete(current.beta, parts), NEAR_ENOUGH, REFIT_LINEARISATIONS)
 
 

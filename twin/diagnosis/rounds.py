@@ -86,6 +86,14 @@ class Against(Enum):
     TOO_LITTLE = auto()
 
 
+def against(before: LeftOut, after: LeftOut) -> Against | None:
+    """What sessions left out have against what was learnt between the two: they are not nearer with it by more than the
+    standard error of that, or together they ask for it by less than evidence must. None where they let it in."""
+    if before.is_as_near_as(after):
+        return Against.NO_NEARER
+    return None if after.gained(before).sum() > EVIDENT else Against.TOO_LITTLE
+
+
 @dataclass(frozen=True)
 class Round:
     """One search for one more term at the fit `base` without it: all `candidates` with their `parameters`, `scores`,
@@ -122,13 +130,9 @@ class Round:
         return refit.left_out is not None and self.against(refit) is None
 
     def against(self, refit: Refit) -> Against | None:
-        """What sessions left out have against a refit that evidence would let in: they are not nearer with it by more
-        than the standard error of that, or together they ask for it by less than evidence must. None where they let it
-        in."""
+        """What sessions left out have against a refit that evidence would let in; None where they let it in."""
         assert self.left_out is not None and refit.left_out is not None, "sessions left out do not judge this refit"
-        if self.left_out.is_as_near_as(refit.left_out):
-            return Against.NO_NEARER
-        return None if self.gained(refit).sum() > EVIDENT else Against.TOO_LITTLE
+        return against(self.left_out, refit.left_out)
 
     def asked_again(self, refit: Refit, with_it: Fit) -> Round:
         """The round after sessions left out were asked for the errors of one refit once more, of the fit `with_it`

@@ -9,7 +9,7 @@ from typing import assert_never
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.arithmetic.hats import hat, hats
+from twin.arithmetic.hats import hat, surface
 from twin.fitting import actions
 from twin.fitting.recorded import Test
 from twin.fitting.rows import Product, Products, delayed
@@ -128,8 +128,7 @@ class Drive:
                 if not ("speed" in self.test.inputs and self.test.load.size):
                     return np.zeros(len(self.test.frame.features))  # nobody knows where on it the test is
                 table = np.reshape(heights, (len(speeds), len(loads)))
-                height = (hats(self.test.inputs["speed"], speeds) @ table) * hats(self.test.load, loads)
-                return np.asarray(height.sum(axis=1))
+                return surface(self.test.inputs["speed"], self.test.load, speeds, loads, table)
             case _:
                 assert_never(part)
 
