@@ -18,12 +18,12 @@ def contradictions(diagnosis: Diagnosis) -> list[str]:
 
 def _contradiction(diagnosis: Diagnosis, one: Contradicting) -> str:
     """ "1_s1 (0:40:00) and 3_s1 (0:40:00) ran alike at 6,000 rpm and at 100 A, but T_YOKE (yoke) reads 8.0 K less in
-    the first, where 0.8 K (sd) is usual: ..."."""
+    the first, where 0.8 K (sd) is usual: ...", or "ran alike from the start on"."""
     first, second = (
         f"{verdict.session_name(diagnosis, session)} ({clock(t_s)})"
         for session, t_s in zip(one.sessions, one.t_s, strict=True)
     )
-    place = words.where({name: [value, value] for name, value in one.at.items()})
+    place = words.where({name: [value, value] for name, value in one.at.items()}) if one.at else "from the start on"
     differ = f"{words.kelvin(abs(one.differ_K))} {'more' if one.differ_K > 0 else 'less'}"
     return (
         f"{first} and {second} ran alike {place}, but {one.channel} ({words.name(one.node)}) reads {differ} in the "

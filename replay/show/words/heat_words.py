@@ -49,8 +49,11 @@ def _efficiency(summary: Summary) -> str:
     found = summary.efficiency
     if found is None:
         return ""
-    measured = f", {100 * found.measured:.1f} % as recorded" if found.measured is not None else ""
-    return f"; efficiency {100 * found.modelled:.1f} % by the model{measured}"
+    modelled = f"; efficiency {100 * found.modelled:.1f} % by the model"
+    if found.measured is None:
+        return modelled
+    cannot_be = " (no motor has that: torque, speed or electrical power is read wrong)" if found.measured > 1 else ""
+    return f"{modelled}, {100 * found.measured:.1f} % as recorded{cannot_be}"
 
 
 def hottest(summary: Summary) -> str | None:

@@ -291,9 +291,9 @@ class Masked:
 
 @dataclass(frozen=True, kw_only=True)
 class Contradicting:
-    """Two sessions that ran alike up to the moments `t_s`, with the inputs `at` (quantity with unit -> value), and were
-    read differently: `channel` reads `differ_K` more in the first, where two such moments differ by `sd_K` (standard
-    deviation)."""
+    """Two sessions that ran alike up to the moments `t_s` and were read differently: `channel` reads `differ_K` more in
+    the first, where two such moments differ by `sd_K` (standard deviation). `at`: the inputs at which both had settled
+    (quantity with unit -> value); empty where they ran alike from their first move on instead."""
 
     sessions: list[str]
     t_s: list[float]

@@ -20,7 +20,7 @@ def contradicting(model: Model, sessions: Sequence[SessionRecorded]) -> list[Con
         Contradicting(
             sessions=[sessions[test].session for test in one.tests],
             t_s=list(one.at_s),
-            at={with_unit(name): value * scale(network, name) for name, value in one.inputs.items()},
+            at={with_unit(name): value * scale(network, name) for name, value in (one.inputs or {}).items()},
             channel=one.channel,
             node=labels[one.channel],
             differ_K=one.differ_K,

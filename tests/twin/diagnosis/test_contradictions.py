@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from made.motor import BIAS_SD, FINE_S, Drive, every_law, recorded
-from twin.diagnosis.contradictions import FAR, LEFT_K, WINDOW_S, contradictions
+from made.motor import BIAS_SD, FINE_S, Drive, every_law, pulses, recorded
+from twin.diagnosis.alike import WINDOW_S
+from twin.diagnosis.contradictions import FAR, LEFT_K, contradictions
 from twin.differences.everyday import laws, of_test
 from twin.fitting.model import Model, Test
 
@@ -84,3 +85,39 @@ def test_of_two_tests_each_moment_counts_and_the_worst_is_told() -> None:
     (one,) = contradictions(model_of(ran(twice, 1), ran(held(), 2, OFF_K)))
     assert one.at_s[0] in (2400.0, 4800.0) and one.at_s[1] == 2400.0
     assert abs(one.differ_K) > FAR * one.sd_K > FAR * LEFT_K
+
+
+CYCLE = pulses(3600.0)
+
+
+def stood(seconds: float, drive: Drive = CYCLE) -> Drive:
+    """The cycle, after the motor stood for so long."""
+    still = {name: np.full(round(seconds / FINE_S), u[0] if name == "flow" else 0.0) for name, u in drive.items()}
+    return {name: np.concatenate([still[name], u]) for name, u in drive.items()}
+
+
+def test_two_runs_of_one_cycle_that_were_read_differently_are_named_though_nothing_is_constant() -> None:
+    (one,) = contradictions(model_of(ran(stood(60.0), 1), ran(stood(120.0), 2, OFF_K)))
+    assert (one.channel, one.inputs) == ("Y_1", None)
+    assert one.at_s == pytest.approx((3660.0, 3720.0))
+    assert one.differ_K == pytest.approx(-OFF_K, abs=0.5)
+
+
+def test_where_two_runs_of_a_cycle_part_the_comparison_ends() -> None:
+    other = {name: np.where(np.arange(u.size) * FINE_S < 2000.0, u, 0.5) for name, u in CYCLE.items()}
+    (one,) = contradictions(model_of(ran(CYCLE, 1), ran(other, 2, OFF_K)))
+    assert one.at_s == (1840.0, 1840.0)  # six times five minutes since the first move
+
+
+@pytest.mark.parametrize(
+    ("drive", "off_K"),
+    [
+        (CYCLE, 2 * BIAS_SD),  # no more than sensors may be off
+        (pulses(3600.0, seed=1), OFF_K),  # another cycle
+        (CYCLE | {"current": 1.1 * CYCLE["current"]}, OFF_K),  # with more current
+        (stood(600.0), OFF_K),  # after another rest
+        ({name: u[: round(800.0 / FINE_S)] for name, u in CYCLE.items()}, OFF_K),  # a past too short
+    ],
+)
+def test_other_cycles_other_pasts_and_what_sensors_may_do_are_no_contradiction(drive: Drive, off_K: float) -> None:
+    assert contradictions(model_of(ran(CYCLE, 1), ran(drive, 2, off_K))) == []

@@ -412,6 +412,8 @@ def test_sessions_that_contradict_each_other_are_named_with_the_moments_and_by_h
     found = replace(ABSORBED, contradicting=[one, more])
     assert f"Contradiction {says} 1_s1 (0:40:00)" in flat(diagnosis_text(found))
     assert f"{says} {says.replace('less', 'more')}" in answer(found)
+    repeated = replace(ABSORBED, contradicting=[replace(one, at={})])
+    assert says.replace("at 6,000 rpm and at 100 A", "from the start on") in answer(repeated)
     assert "Contradiction" not in diagnosis_text(ABSORBED)
 
 

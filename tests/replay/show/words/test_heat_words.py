@@ -61,6 +61,15 @@ def test_the_heat_of_a_run_in_a_sentence() -> None:
     assert heat_words.heat(made_summary()) is None
 
 
+def test_an_efficiency_that_no_motor_has_is_said() -> None:
+    efficiency = Efficiency(modelled=0.943, measured=0.95, mechanical_J=1.0)
+    run = replace(made_summary(), losses=LOSSES, efficiency=efficiency)
+    assert str(heat_words.heat(run)).endswith("94.3 % by the model, 95.0 % as recorded")
+    assert str(heat_words.heat(replace(run, efficiency=replace(efficiency, measured=1.032)))).endswith(
+        "103.2 % as recorded (no motor has that: torque, speed or electrical power is read wrong)"
+    )
+
+
 def test_the_hottest_winding_and_what_holds_the_magnets_with_place_time_and_margin() -> None:
     found = hot_spots(MOTOR, T, 0.5)
     assert found["winding"] == HotSpot(node="winding", max_degC=130.0, at_s=1.0, limit_degC=100.0, margin_K=-30.0)
