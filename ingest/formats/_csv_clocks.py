@@ -6,7 +6,7 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,7 @@ _SPELT = {  # [ns] -> units of time, in lower case
 }
 UNITS_NS = {unit: in_ns for in_ns, units in _SPELT.items() for unit in units.split()}
 WRAP = 2**32  # what a counter of 32 bits begins anew at: of milliseconds after 50 days, of microseconds after 72 min
-DAY_S, HALF_DAY_S = 86_400.0, 43_200.0
+DAY_S = 86_400.0
 SHOWN = 64  # characters of a cell that is no time
 LATEST_NS = 9.2e18  # what int64 holds
 
@@ -139,23 +139,37 @@ class SerialOfTwo(Serial):
 @dataclass(kw_only=True)
 class OfDay(Clock):
     """Hours, minutes and seconds without a date, from the midnight before the first row. A clock that goes back by more
-    than half a day has passed midnight."""
+    than half a turn, which is a day, has begun the next one."""
 
     origin_ns: int = 0
+    turn_s: ClassVar[float] = DAY_S
     is_text: bool = field(default=True, init=False)
-    _days: int = field(default=0, init=False)
+    _turns: int = field(default=0, init=False)
     _last_s: float = field(default=np.nan, init=False)
 
+    def seconds(self, cell: str) -> float:
+        """Since the turn began; NaN of what is no time."""
+        return seconds_of_day(cell)
+
     def t_ns(self, cells: NDArray[Any], record: Ints) -> tuple[Ints, Flags]:
-        seconds = np.array([seconds_of_day(cell) for cell in cells], float)
+        seconds = np.array([self.seconds(cell) for cell in cells], float)
         bad, fine = np.isnan(seconds), np.flatnonzero(~np.isnan(seconds))
-        days = np.zeros(len(cells), np.int64)
-        days[fine] = np.diff(seconds[fine], prepend=self._last_s) < -HALF_DAY_S
-        days = self._days + np.cumsum(days)
+        turns = np.zeros(len(cells), np.int64)
+        turns[fine] = np.diff(seconds[fine], prepend=self._last_s) < -self.turn_s / 2
+        turns = self._turns + np.cumsum(turns)
         if len(fine):
-            self._days, self._last_s = int(days[-1]), float(seconds[fine[-1]])
-        t_s = np.where(bad, 0.0, seconds + days * DAY_S)
+            self._turns, self._last_s = int(turns[-1]), float(seconds[fine[-1]])
+        t_s = np.where(bad, 0.0, seconds + turns * self.turn_s)
         return self.origin_ns + np.rint(t_s * 1e6).astype(np.int64) * 1000, bad
+
+
+class OfHour(OfDay):
+    """Minutes and seconds, all that is left of a time of day which a spreadsheet shows so and saves as shown."""
+
+    turn_s = 3600.0
+
+    def seconds(self, cell: str) -> float:
+        return seconds_of_hour(cell)
 
 
 OF_DAY = re.compile(
@@ -177,6 +191,15 @@ def seconds_of_day(cell: str) -> float:
         return float("nan")
     hours = hours % 12 + 12 * (half in "Pp") if half else hours
     return int(days or 0) * DAY_S + hours * 3600 + minutes * 60 + seconds + float(f"0.{fraction or 0}")
+
+
+OF_HOUR = re.compile(r"(?P<minutes>\d{1,4}):(?P<seconds>[0-5]\d(?:[.,]\d{1,9})?)", re.ASCII)
+
+
+def seconds_of_hour(cell: str) -> float:
+    """Seconds of `07:30.5`, minutes and seconds; NaN where it is none."""
+    match = OF_HOUR.fullmatch(cell.strip())
+    return int(match["minutes"]) * 60 + float(match["seconds"].replace(",", ".")) if match else float("nan")
 
 
 def carried(dates: Iterable[str], before: str = "") -> list[str]:

@@ -37,6 +37,7 @@ DIRECTIVES = {
 HALF = rf"(?:{BLANK}?{DIRECTIVES['p']})?"
 CLOCK = rf"(?P<H>\d{{1,2}})[:.](?P<M>\d{{2}})(?:[:.](?P<S>\d{{2}})(?:[.,:](?P<f>\d{{1,9}})\d*)?)?{HALF}"
 GAP = rf"(?:T|,?{BLANK}{{1,3}})"  # between date and time of day
+WEEKDAY = rf"(?:{LETTER}{{2,10}}[.,]{{0,2}} )?"
 YEAR = r"(?:(?P<Y>\d{4})|(?P<y>\d{2}))"
 DAY_FIRST, MONTH_FIRST = "day/month/year", "month/day/year"  # one cell seldom tells them apart
 DATES = {
@@ -44,13 +45,18 @@ DATES = {
     "year/month/day": r"(?P<Y>\d{4})[/.](?P<m>\d{1,2})[/.](?P<d>\d{1,2})",
     "day.month.year": rf"(?P<d>\d{{1,2}})\.(?P<m>\d{{1,2}})\.{YEAR}",
     DAY_FIRST: rf"(?P<d>\d{{1,2}})[/-](?P<m>\d{{1,2}})[/-]{YEAR}",
-    "day month year": rf"(?P<d>\d{{1,2}})[-./ ]{{1,2}}{MONTH}{LETTER}*[-./ ]{{1,2}}{YEAR}",
+    "day month year": rf"{WEEKDAY}(?P<d>\d{{1,2}})[-./ ]{{1,2}}{MONTH}{LETTER}*[-./ ]{{1,2}}{YEAR}",
+    "month day, year": rf"{WEEKDAY}{MONTH}{LETTER}*\.? {{1,2}}(?P<d>\d{{1,2}}),? (?P<Y>\d{{4}})",
     "'year-month-day": r"'(?P<y>\d{2})[-/](?P<m>\d{1,2})[-/](?P<d>\d{1,2})",
 }
 OFFSET = rf"\s?{ZONE}?"
 KNOWN = {says: rf"^{date}{GAP}{CLOCK}{OFFSET}$" for says, date in DATES.items()}
+KNOWN["month day time year"] = rf"^{WEEKDAY}{MONTH} {{1,2}}(?P<d>\d{{1,2}}) {CLOCK} (?:{ZONE} )?(?P<Y>\d{{4}})$"  # of C
 BASIC = r"(?P<Y>\d{4})(?P<m>\d{2})(?P<d>\d{2})[T _-]?(?P<H>\d{2})(?P<M>\d{2})(?P<S>\d{2})(?:[.,](?P<f>\d{1,9})\d*)?"
 KNOWN["ISO 8601 without its signs"] = f"^{BASIC}{OFFSET}$"
+OF_PARTS = rf"^{YEAR} (?P<m>\d{{1,2}}) (?P<d>\d{{1,2}}) (?P<H>\d{{1,2}}) (?P<M>\d{{1,2}})" + (
+    r"(?: (?P<S>\d{1,2})(?:[.,](?P<f>\d{1,9})\d*)?)?$"  # cells of several columns
+)
 # a stamp that is a number as well
 DIGITS_ALONE = r"^(?:19|20|21)\d{2}(?:0[1-9]|1[0-2])(?:0[1-9]|[12]\d|3[01])(?:[01]\d|2[0-3])(?:[0-5]\d){2}$"
 DAYS = {says: f"^{date}$" for says, date in DATES.items()}  # known where the bench file names the column

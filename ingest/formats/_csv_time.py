@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
 from math import isnan
@@ -16,17 +16,20 @@ from numpy.typing import NDArray
 from ingest.errors import UnreadableLogError
 from ingest.formats import EPOCH, TimeSpec, utc_ns
 from ingest.formats._csv_clocks import (
+    OF_HOUR,
     UNITS_NS,
     WRAP,
     Clock,
     Counted,
     OfDay,
+    OfHour,
     Rate,
     Serial,
     SerialOfTwo,
     Stamped,
     carried,
     seconds_of_day,
+    seconds_of_hour,
     unit_of_time,
     wraps_of,
 )
@@ -41,6 +44,7 @@ from ingest.formats._csv_stamps import (
     DIGITS_ALONE,
     KNOWN,
     MONTH_FIRST,
+    OF_PARTS,
     SECOND_NS,
     LocalClock,
     both_formats,
@@ -86,6 +90,17 @@ RATED = re.compile(  # what a line above a table says of its rows
 )
 PER_S = {"hz": 1.0, "khz": 1e3}
 DATE_WORDS = frozenset(("date", "datetime", "datum", "data", "fecha"))
+PARTS_OF_STAMP = [  # names of columns that hold one part each, of the year to the second
+    frozenset(names.split())
+    for names in (
+        "year jahr anno année annee año ano yyyy yy",
+        "month monat mese mois mes mm",
+        "day tag giorno jour día dia dd",
+        "hour hours stunde ora heure hora hh h",
+        "minute minutes minuti minuto min",
+        "second seconds sekunde secondi seconde segundo sec s ss",
+    )
+]
 PARTS_OF_SECOND = dict.fromkeys(("ms", "msec", "millisecond", "milliseconds", "millisekunde", "millisekunden"), 3)
 PARTS_OF_SECOND |= dict.fromkeys(("us", "µs", "μs", "usec", "microsecond", "microseconds", "mikrosekunden"), 6)
 SERIAL_D, SERIAL_NS = (36526.0, 73050.0), utc_ns(EPOCH.replace(year=1899, month=12, day=30))  # days of 2000 to 2099
@@ -129,6 +144,8 @@ def _stated(time: TimeSpec, column: str, dialect: Dialect, log: str) -> Clock:
     if clock is None and (asked := _asked(dialect)):
         raise UnreadableLogError(f"{log}: {asked}")
     if clock is None:
+        clock = _of_day(time, column, dialect)
+    if clock is None:
         cell = next((cell for cell in _cells(dialect, column) if cell not in MISSING), "")
         example = "%d.%m.%Y" if re.match(DATE_ALONE, cell) else "%d.%m.%Y %H:%M:%S"
         raise UnreadableLogError(
@@ -139,7 +156,8 @@ def _stated(time: TimeSpec, column: str, dialect: Dialect, log: str) -> Clock:
 
 
 def _found(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
-    named = [name for name in dialect.names if is_time_name(name)]
+    parts = _of_parts(time, dialect)
+    named = [name for name in dialect.names if is_time_name(name) and not (parts and name in parts.columns)]
     named = named or [name for name in dialect.names if is_x(name, dialect)]
     if time.format is not None:
         pattern = pattern_of(time.format, log)
@@ -152,11 +170,13 @@ def _found(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
         return two
     clocks = [clock for column in named if (clock := _of_named(time, column, dialect))]
     if clocks:
-        dated = next((clock for clock in clocks if clock.absolute), None) or _of_two(time, _known(time), dialect)
-        dated = dated or clocks[0]
+        dated = next((clock for clock in clocks if clock.absolute), None) or parts
+        dated = dated or _of_two(time, _known(time), dialect) or clocks[0]
         if fine := next((fine for one in clocks if (fine := _fine(time, one, dated, dialect))), None):
             return fine
         return clocks[0] if clocks[0].absolute else _dated(clocks[0], dated, dialect)
+    if parts:
+        return parts
     for column in dialect.names:
         if clock := _stamped(time, column, dialect) or _of_dates(time, column, dialect):
             return clock
@@ -333,12 +353,39 @@ def _of_dates(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
 
 
 def _of_day(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
-    """The clock of a column of times of day, which count from a midnight that nothing dates."""
+    """The clock of a column of times of day, or of what is left of them within the hour, which nothing dates."""
     said = [cell for cell in _cells(dialect, column) if cell not in MISSING]
-    if not said or sum(isnan(seconds_of_day(cell)) for cell in said) * 2 >= len(said):
-        return None
     start = time.start_ns
-    return OfDay(says="time of day", absolute=start is not None, columns=(column,), origin_ns=start or 0)
+    if _most(seconds_of_day, said):
+        return OfDay(says="time of day", absolute=start is not None, columns=(column,), origin_ns=start or 0)
+    if _most(seconds_of_hour, said) and _says_minutes(column, said):
+        return OfHour(says="minutes and seconds", absolute=start is not None, columns=(column,), origin_ns=start or 0)
+    return None
+
+
+def _most(seconds: Callable[[str], float], said: Sequence[str]) -> bool:
+    return 2 * sum(not isnan(seconds(cell)) for cell in said) > len(said)
+
+
+def _says_minutes(column: str, said: Sequence[str]) -> bool:
+    """Whether `02:07` is minutes and seconds: by the column's name, by parts of a second, or as no hour is so late."""
+    name = words(column)
+    if "ss" in name or "hh" in name:
+        return "hh" not in name
+    return any(
+        re.search("[.,]", cell) or int(cell.partition(":")[0]) > 23 for cell in said if OF_HOUR.fullmatch(cell.strip())
+    )
+
+
+def _of_parts(time: TimeSpec, dialect: Dialect) -> Clock | None:
+    """The clock of a table with a column each of year, month, day, hour and minute, and most often of the second."""
+    found = [next((name for name in dialect.names if name.casefold() in own), None) for own in PARTS_OF_STAMP]
+    columns = tuple(name for name in found if name is not None)
+    if None in found[:-1] or not fits(OF_PARTS, [*_said(dialect.sample, columns, dialect)]):
+        return None
+    says = f"parts of date and time of day in {time.zone}"
+    clock = Stamped(says=says, absolute=True, columns=columns, pattern=OF_PARTS, local=LocalClock(time.local))
+    return _with_part(clock, dialect)
 
 
 def _asked(dialect: Dialect) -> str | None:

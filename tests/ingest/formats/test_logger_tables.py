@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from ingest.errors import UnreadableLogError
+from ingest.formats import TimeSpec
 from made.tables import read, same
 from replay.cli import main
 
@@ -175,6 +176,40 @@ LOGGED = {
     ),
     "-9999": Logged("time,T,n\n0,20.0,5\n1,21.0,6\n2,-9999,7\n", begins_ns=0),
     "INVALID": Logged("time,T,n\n0,20.0,5\n1,21.0,6\n2,INVALID,7\n", begins_ns=0),
+    "stamps of C": Logged(
+        "time,T,n\nFri Mar 14 08:00:00 2025,20.0,5\nFri Mar 14 08:00:01 2025,21.0,6\nFri Mar 14 08:00:02 2025,,7\n"
+    ),
+    "stamps of a shell": Logged(
+        "date,T,n\nFri Mar 14 09:00:00 CET 2025,20,5\nFri Mar 14 09:00:01 CET 2025,21,6\n"
+        "Fri Mar 14 09:00:02 CET 2025,,7\n"
+    ),
+    "stamps of mails": Logged(
+        'time,T,n\n"Fri, 14 Mar 2025 10:00:00 +0200",20,5\n"Fri, 14 Mar 2025 10:00:01 +0200",21,6\n'
+        '"Fri, 14 Mar 2025 10:00:02 +0200",,7\n'
+    ),
+    "a month by its name before the day": Logged(
+        'time,T,n\n"Mar 14, 2025 8:00:00 AM",20,5\n"Mar 14, 2025 8:00:01 AM",21,6\n"Mar 14, 2025 8:00:02 AM",,7\n'
+    ),
+    "weekday and day.month.year": Logged(
+        "Zeit;T;n\nFr 14. März 2025 08:00:00;20;5\nFr 14. März 2025 08:00:01;21;6\nFr 14. März 2025 08:00:02;;7\n"
+    ),
+    "date and time in a column for each part": Logged(
+        "Jahr;Monat;Tag;Stunde;Minute;Sekunde;T;n\n2025;3;14;8;0;0;20,0;5\n2025;3;14;8;0;1;21,0;6\n2025;3;14;8;0;2;;7\n"
+    ),
+    "and in one for milliseconds": Logged(
+        "Year,Month,Day,Hour,Minute,Second,ms,T,n\n2025,3,14,8,0,0,0,20,5\n2025,3,14,8,0,0,100,21,6\n"
+        "2025,3,14,8,0,0,200,,7\n",
+        step_ns=TENTH,
+    ),
+    "and in one that counts finer": Logged(
+        "Year,Month,Day,Hour,Minute,Second,Time [s],T,n\n2025,3,14,8,0,0,10.0,20,5\n2025,3,14,8,0,0,10.1,21,6\n"
+        "2025,3,14,8,0,0,10.2,,7\n",
+        step_ns=TENTH,
+    ),
+    "minutes and seconds that a spreadsheet left": Logged(
+        "Time,T,n\n59:59.0,20,5\n00:00.0,21,6\n00:01.0,,7\n", begins_ns=3599 * S_NS
+    ),
+    "mm:ss": Logged("time (mm:ss),T,n\n09:58,20,5\n09:59,21,6\n10:00,,7\n", begins_ns=598 * S_NS),
     "header and units again": Logged(
         "Time;T;n\ns;degC;rpm\n0;20;5\n1;21;6\nTime;T;n\ns;degC;rpm\n2;;7\n", units=("degC", "rpm"), begins_ns=0
     ),
@@ -201,6 +236,19 @@ def test_a_table_of_a_logger_is_read_whole(one: Logged, tmp_path: Path) -> None:
     assert same([columns[name] for name in one.names], [[20, 21, NAN], [5, 6, 7]])
     assert tuple(log.units.get(name) for name in one.names) == one.units
     assert (log.found, list(log.rejected)) == (3, [])
+
+
+def test_hours_and_minutes_are_not_taken_for_minutes_and_seconds(tmp_path: Path) -> None:
+    (log := tmp_path / "log.csv").write_text("time,T\n08:58,20\n08:59,21\n09:00,22\n", encoding="utf-8")
+    with pytest.raises(UnreadableLogError, match='"time" holds "08:58", which is no whole stamp'):
+        read(log)
+
+
+def test_a_time_of_day_may_be_named_in_the_bench_file(tmp_path: Path) -> None:
+    (path := tmp_path / "log.csv").write_text("a,b,T\n08:00:00,1,20\n08:00:01,2,21\n", encoding="utf-8")
+    log, t_ns, _ = read(path, TimeSpec(column="a"))
+    assert log.settings["time"] == "time of day"
+    assert t_ns == [8 * 3600 * S_NS, (8 * 3600 + 1) * S_NS]
 
 
 def test_minus_9999_is_a_number_among_others_as_low(tmp_path: Path) -> None:
