@@ -101,8 +101,9 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
     header = _merged([cell.strip() for cell in cells(lines[above], delimiter)], lines[above - 1 : above], delimiter)
     below = [line for line in lines[above + 1 :] if line not in lines[: above + 1]]
     rows = [cells(line, delimiter) for line in below[: SAMPLE_ROWS + 1]]
-    if all(_open_end(row, header) for row in rows):
+    if rows and all(_open_end(row, header) for row in rows[1:] or rows):
         header.append("")
+        rows[0] += [""] * (len(rows[0]) == len(header) - 1)  # units, which end as the names do
     _check_header(header, rows, delimiter, log)
     fitting = [tuple(cell.strip() for cell in row) for row in rows if len(row) == len(header)]
     numerals = _csv_numbers.recognise((cell for row in fitting for cell in row), delimiter)

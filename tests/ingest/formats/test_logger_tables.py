@@ -210,6 +210,9 @@ LOGGED = {
         "Time,T,n\n59:59.0,20,5\n00:00.0,21,6\n00:01.0,,7\n", begins_ns=3599 * S_NS
     ),
     "mm:ss": Logged("time (mm:ss),T,n\n09:58,20,5\n09:59,21,6\n10:00,,7\n", begins_ns=598 * S_NS),
+    "rows that end with a delimiter, unlike names and units": Logged(
+        "time;T;n\ns;degC;rpm\n0,0;20,0;5;\n0,1;21,0;6;\n0,2;;7;\n", units=("degC", "rpm"), begins_ns=0, step_ns=TENTH
+    ),
     "header and units again": Logged(
         "Time;T;n\ns;degC;rpm\n0;20;5\n1;21;6\nTime;T;n\ns;degC;rpm\n2;;7\n", units=("degC", "rpm"), begins_ns=0
     ),
