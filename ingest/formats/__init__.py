@@ -253,6 +253,7 @@ FORMATS: tuple[Format, ...] = (
     Format("mdf", "rows", (".mf4", ".mdf"), b"MDF     ", "ingest.formats.mdf", rb"\AUnFinMF "),
     Format("can_db", "frames", (".db",), b"SQLite format 3\0", "ingest.formats.can_db"),
     Format("tdms", "rows", (".tdms",), b"TDSm", "ingest.formats.tdms"),
+    Format("mat", "rows", (".mat",), b"MATLAB 5.0 MAT", "ingest.formats.mat"),
     Format("parquet", "rows", (".parquet",), b"PAR1", "ingest.formats.parquet"),
     Format("arrow", "rows", (".arrow", ".feather"), b"ARROW1", "ingest.formats.arrow", rb"\A\xff{4}..\0\0\x10\0\0\0"),
     Format("mcap", "rows", (".mcap",), b"\x89MCAP0\r\n", "ingest.formats.mcap"),

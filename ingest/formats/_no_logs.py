@@ -24,9 +24,9 @@ NO_LOGS: Mapping[bytes, str] = {
         "arrays of NumPy (NPZ). Export one with numpy.savetxt('log.csv', numpy.load(FILE)['name'], delimiter=',', "
         "header='t_s,...')"
     ),
-    rb"MATLAB [57]\.\d MAT": "a MATLAB file. Export the table with writetable(T, 'log.csv'), or with parquetwrite",
+    rb"MATLAB 7\.\d MAT": "a MATLAB file of version 7.3. Save it with save(FILE, '-v7')",
     rb"\x89HDF": (
-        "an HDF5 file (also of MATLAB 7.3: there writetable(T, 'log.csv')). Export the table as Parquet or CSV "
+        "an HDF5 file (of MATLAB 7.3: save(FILE, '-v7') there). Export the table as Parquet or CSV "
         "(pandas: read_hdf(...).to_parquet)"
     ),
     rb"CDF[\x01\x02\x05]": "a netCDF file. Export it as Parquet (xarray: open_dataset(...).to_dataframe().to_parquet)",
@@ -85,7 +85,7 @@ BY_NAME: Mapping[str, str] = {
     **dict.fromkeys((".dxd", ".dxz", ".d7d"), "In DewesoftX open it and export it (Analyse, Export) as MDF4 or CSV"),
     ".psdata": "In PicoScope save it as CSV (File, Save as)",
     ".tdx": "In DIAdem open the TDM file beside it and save it as TDMS (File, Save as)",
-    ".mat": "In MATLAB export the table with writetable(T, 'log.csv')",
+    ".mat": "In MATLAB save it with save(FILE, '-v7')",
     **dict.fromkeys((".tst", ".bin"), "In the program that wrote it export it as MDF4 or CSV (catman: ASCII)"),
     ".sie": "In InField or nCode export it as ASCII or CSV",
     ".gbd": "In GL-Connection convert it to CSV",

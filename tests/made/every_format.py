@@ -17,6 +17,7 @@ import can
 import numpy as np
 import pyarrow as pa
 from mcap.writer import Writer
+from scipy.io import savemat
 
 from made import mdf, mdf3, mf4
 from made.can_bench import START
@@ -140,6 +141,12 @@ def write_tdms(path: Path, records: Sequence[Record]) -> None:
         writer.write_segment([ChannelObject("bench", "Time", stamps), ChannelObject("bench", NAME, values)])
 
 
+def write_mat(path: Path, records: Sequence[Record]) -> None:
+    """As `save` of MATLAB writes two vectors of a struct: seconds since 1970 and values."""
+    t_s, values = np.array(records).T
+    savemat(path, {"bench": {"time": START + t_s, NAME: values}}, do_compression=True)
+
+
 def table(records: Sequence[Record]) -> pa.Table:
     stamps = pa.array([stamp_ns(t_s) for t_s, _ in records]).cast(pa.timestamp("ns", "UTC"))
     return pa.table({"time": stamps, NAME: [value for _, value in records]})
@@ -228,6 +235,7 @@ WRITERS: dict[str, Callable[[Path, Sequence[Record]], None]] = {
     "mdf3": write_mdf3,
     "can_db": by_python_can(can.SqliteWriter),
     "tdms": write_tdms,
+    "mat": write_mat,
     "parquet": write_parquet,
     "arrow": write_arrow,
     "mcap": write_mcap,

@@ -114,7 +114,7 @@ def _file_lines(one: InspectedFile) -> list[str]:
     left = unread.findings(one.path.name, reading.settings)
     lines += [f"  {flag.says.removeprefix(f'{one.path.name}: ')}" for flag in left]
     if "left_out" in reading.settings:
-        lines.append(f"  left out, neither numbers nor texts: {', '.join(reading.settings['left_out'])}")
+        lines.append(f"  left out, no numbers or texts with times: {', '.join(reading.settings['left_out'])}")
     for name, why in reading.settings.get("unconverted", {}).items():
         lines.append(f"  left out: {name}: {why}")
     for what, says in (("texts", "a text in place of a number"), ("invalid", "marked invalid")):
