@@ -28,6 +28,7 @@ from scipy.io.matlab import MatReadError
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import Rows
+from ingest.formats._csv_clocks import Clock
 from ingest.formats._csv_dialect import SAMPLE_ROWS, UNIT_IN_NAME, Dialect
 from ingest.formats._csv_numbers import Numerals
 from ingest.formats._csv_time import is_time_name, recognise_clock, rises
@@ -104,10 +105,11 @@ class MatLog(JoinedTables):
         timed = {id(one) for base in bases for one in (base.times, *base.vectors)}
         if left := [*others, *(one.said for one in vectors if id(one) not in timed)]:
             self.settings["left_out"] = left
+        clocks = [self._clock(base) for base in bases]
+        self.settings["time"] = sorted({clock.says for clock, _ in clocks})
+        self.absolute = all(clock.absolute for clock, _ in clocks)
         often = Counter(one.name for base in bases for one in base.vectors)
-        self.settings["time"] = []
-        self.absolute = True
-        yield from self._joined([self._table(base, often) for base in bases])
+        yield from self._joined([_table(base, *clock, often) for base, clock in zip(bases, clocks, strict=True)])
         self.end_rows(ended, self.rejected[0].why if self.rejected else "its vectors hold no value")
 
     def _variables(self, content: bytes) -> dict[str, Any]:
@@ -146,9 +148,9 @@ class MatLog(JoinedTables):
             "is a table or timetable write in MATLAB with writetable(T, 'log.csv')."
         )
 
-    def _table(self, base: _Base, often: Mapping[str, int]) -> OwnTimes:
-        count = len(base.vectors[0].cells)
-        times = base.times or _Vector((TIME,), np.arange(count, dtype=np.float64))
+    def _clock(self, base: _Base) -> tuple[Clock, NDArray[Any]]:
+        """How its times tell the time, and their cells as that clock takes them."""
+        times = base.times or _Vector((TIME,), np.arange(len(base.vectors[0].cells), dtype=np.float64))
         cells = times.cells
         if not times.is_text and DATENUM_D[0] <= np.nanmedian(cells) < DATENUM_D[1]:
             cells = cells - SPREADSHEETS_D
@@ -157,21 +159,22 @@ class MatLog(JoinedTables):
         units = {name: times.unit} if times.unit else {}
         dialect = Dialect("\t", Numerals("."), (name,), (not times.is_text,), units, False, {}, sample)
         spec = replace(self.time, column=self.time.column and name)
-        clock = recognise_clock(spec, dialect, self.path.name)
-        t_ns, bad = clock.t_ns(cells, np.arange(count))
-        self.settings["time"] = sorted({*self.settings["time"], clock.says})
-        self.absolute &= clock.absolute
-        return OwnTimes(
-            name="/".join(times.path[:-1]) or "variables",
-            columns=tuple(one.name if often[one.name] == 1 else one.said for one in base.vectors),
-            units=tuple(_unit(one) for one in base.vectors),
-            count=count,
-            times=held(t_ns, bad),
-            cells=lambda place, start, stop: base.vectors[place].cells[start:stop],
-            raw=lambda i: str(times.cells[i]).encode(errors="replace")[:SHOWN],
-            why=lambda i: clock.why(str(times.cells[i])),
-            where=lambda i: f'value {i + 1:,} of "{times.said}"',
-        )
+        return recognise_clock(spec, dialect, self.path.name), cells
+
+
+def _table(base: _Base, clock: Clock, cells: NDArray[Any], often: Mapping[str, int]) -> OwnTimes:
+    said = base.times.said if base.times else TIME
+    return OwnTimes(
+        name="/".join(base.times.path[:-1]) if base.times else "",
+        columns=tuple(one.name if often[one.name] == 1 else one.said for one in base.vectors),
+        units=tuple(_unit(one) for one in base.vectors),
+        count=len(cells),
+        times=held(*clock.t_ns(cells, np.arange(len(cells)))),
+        cells=lambda place, start, stop: base.vectors[place].cells[start:stop],
+        raw=lambda i: str(cells[i]).encode(errors="replace")[:SHOWN],
+        why=lambda i: clock.why(str(cells[i])),
+        where=lambda i: f'value {i + 1:,} of "{said}"',
+    )
 
 
 def _whole(content: bytes) -> tuple[int, int]:
