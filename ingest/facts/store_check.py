@@ -179,11 +179,6 @@ def damage(store: Store, read: bool = True, since: Head | None = None) -> list[s
     return [one.says for one in check(store, read, since).damages]
 
 
-def hints(store: Store) -> list[str]:
-    """The hints of a check that reads no sealed bytes."""
-    return check(store, read=False).hints
-
-
 def _check_files(
     found: StoreCheck,
     folder: Place,

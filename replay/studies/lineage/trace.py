@@ -23,7 +23,6 @@ LEAST = 4  # characters of an id
 SHOWN = 20  # points of a run
 POINT = re.compile(r"(?P<run>[0-9a-f]{4,16})(?:@(?P<time>[0-9.:]+))?(?:/(?P<channel>.+))?", re.IGNORECASE)
 RECORDS = re.compile(r"(?P<log>.+?):(?P<first>[0-9,]+)(?:-(?P<last>[0-9,]+))?")
-HOW = "a session, log, replay, diagnosis, model; RUN@TIME/CHANNEL; LOG:RECORD; or a SELECT"
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,8 @@ class Lineage:
 
 
 def trace(store: Store, recorded: Sequence[Recorded], facts: Facts, text: str) -> Lineage:
-    """The lineage of `text`: see HOW. Raises ReplayDataError, CorrectionError, DamageError."""
+    """The lineage of `text`: the name or id of a fact, RUN@TIME/CHANNEL, or LOG:RECORD. Raises ReplayDataError,
+    CorrectionError, DamageError."""
     chains = Chains(recorded, facts)
     at = POINT.fullmatch(text)
     runs = [run for run in facts.runs if at and run.startswith(at["run"].lower())]
