@@ -22,11 +22,12 @@ from numpy.typing import NDArray
 from pyarrow import types
 
 from ingest.formats import EARLIEST_NS, LATE_NS, RATIO, Log, Rejected, Rows
-from ingest.formats._csv_clocks import LATEST_NS, UNITS_NS, Clock, Flags, Ints
+from ingest.formats._csv_clocks import LATEST_NS, Clock, Flags, Ints
 from ingest.formats._csv_dialect import SAMPLE_ROWS, UNIT_IN_NAME, Dialect, unique
 from ingest.formats._csv_numbers import Numerals
 from ingest.formats._csv_stamps import LocalClock
-from ingest.formats._csv_time import is_time_name, recognise_clock
+from ingest.formats._csv_time import recognise_clock
+from ingest.formats._csv_time_names import UNITS_NS, is_time_name
 from ingest.formats._long_tables import LongTable, recognise_long
 
 VALUES = 4_000_000  # of a batch, at most

@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import EARLIEST_NS, EPOCH, LATE_NS, Rejected, Rows, utc_ns
-from ingest.formats._csv_clocks import LATEST_NS, UNITS_NS, unit_of_time
-from ingest.formats._csv_time import base_and_unit, is_time_name, rises
+from ingest.formats._csv_clocks import LATEST_NS
+from ingest.formats._csv_time import rises
+from ingest.formats._csv_time_names import UNITS_NS, base_and_unit, is_time_name, unit_of_time
 from ingest.formats._joined_tables import JoinedTables, OwnTimes, held
 from ingest.formats._tdms_file import (
     TdmsFile,

@@ -494,7 +494,7 @@ def test_large_seconds_are_no_dates_of_a_spreadsheet(tmp_path: Path) -> None:
     assert (t_ns, log.absolute) == ([45_964 * S_NS, 45_965 * S_NS], False)
 
 
-@pytest.mark.parametrize("head", ["Date,Time,Millisecond,T", "Date&Time,,ms,T"])
+@pytest.mark.parametrize("head", ["Date,Time,Millisecond,T", "Date&Time,,ms,T", "Date,Time,Millisecondes,T"])
 def test_milliseconds_in_a_column_of_their_own_belong_to_the_stamp(tmp_path: Path, head: str) -> None:
     blank = "," if head.startswith("Date,") else " "
     rows = [f"2025/12/24{blank}08:00:0{k // 2},{500 * (k % 2)},20" for k in range(4)]
