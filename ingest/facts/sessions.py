@@ -195,7 +195,7 @@ class _Parts:
         return cls(parts, [one["first_record"] for one in parts])
 
     def within(self, file: Mapping[str, Any]) -> list[dict[str, Any]]:
-        """Those that an entry of `SessionRecorded.files` holds."""
+        """The parts that an entry of `SessionRecorded.files` holds."""
         at, end = (bisect_left(self.first, record) for record in (file["first_record"], file["last_record"] + 1))
         if "rows" in file:
             return self.parts[at : at + 1]

@@ -224,7 +224,7 @@ class _ByPlace:
 
     @property
     def numbers(self) -> list[int]:
-        """Of the stretches that hold rows."""
+        """Numbers of the stretches that hold rows."""
         return self._spill.names
 
     def add(self, rows: Table) -> None:
@@ -276,7 +276,7 @@ class _Doubled:
             found.doubled.add(stream)
 
     def begins(self, number: int) -> Flags:
-        """Of the records of a stretch (MOST_ROWS,): where a block begins that stands there twice."""
+        """Of a stretch (MOST_ROWS,): the records with which a block begins that stands there twice."""
         return self._blocks(number)[1]
 
     def _blocks(self, number: int) -> tuple[Flags, Flags]:

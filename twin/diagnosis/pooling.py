@@ -47,7 +47,7 @@ def kinds(network: Network) -> list[str]:
 
 
 def regions(network: Network) -> list[str]:
-    """Of every term of the network the region where its loss arises; of links "" stands."""
+    """The region where the loss of every term of the network arises; "" for terms of links."""
     region = {node.name: node.region for node in network.nodes}
     links = [""] * sum(len(link.terms) for link in network.links)
     return links + [region[source.node] for source in network.sources for _ in source.terms]

@@ -249,7 +249,7 @@ def _misread(refit: Refit) -> int | None:
 
 
 def _each_once(refits: Sequence[Refit]) -> tuple[Refit, ...]:
-    """Of a candidate that was refitted from two places, the better refit."""
+    """The refits, of a candidate that was refitted from two places the better one."""
     better = {one.candidate.cause: one for one in sorted(refits, key=lambda refit: refit.log_bayes_factor)}
     return tuple(one for one in refits if better[one.candidate.cause] is one)
 
@@ -264,7 +264,7 @@ def _leading(found: Round, judging: bool) -> list[_Leading]:
 
 
 def _leading_at(found: Round, beta: Floats) -> list[_Leading]:
-    """The one that leads at a vector; none where the model runs away there."""
+    """The candidate that leads at a vector; none where the model runs away there."""
     try:
         there = weighed(fit(found.base.model, beta, linearisations=1), found.candidates)
     except DivergedError:

@@ -88,14 +88,14 @@ class ObservedStep:
 
 @dataclass(frozen=True)
 class Best:
-    """Of each candidate (m,): `what` raises d of its prior size most, and that `d`."""
+    """For each candidate (m,) `what` raises d of its prior size most, and that `d`."""
 
     what: tuple[str, ...]
     d: Floats
 
     @classmethod
     def of(cls, each: Mapping[str, Floats], at_least: Floats) -> Best:
-        """Of what raises d to what; "" where nothing raises it above `at_least`."""
+        """The best of `each` that raises d, by name; "" where none raises it above `at_least`."""
         names = ["", *each]
         ds = np.array([at_least * (1 + 1e-6), *each.values()])
         place = ds.argmax(axis=0)
@@ -220,7 +220,7 @@ class _Weighing:
         return {one.proposed.words: one.d for one in self.leading}
 
     def chain(self) -> tuple[DayStep, ...]:
-        """Of the leading tests the best, given that the next best, and so on; one may be run again."""
+        """The best of the leading tests, the best given that one, and so on; one may be run again."""
         steps: list[DayStep] = []
         known, told, ds = self.known, self.told, {i: one.d for i, one in enumerate(self.leading)}
         hours = [_hours(len(one.proposed.speed)) for one in self.leading]

@@ -58,6 +58,6 @@ def _kind(action: Action, courses: Courses) -> tuple[Hashable, float]:
 
 
 def _course(row: Floats) -> tuple[bytes, float]:
-    """Of a row of `Courses`; of one that is 0 throughout, any size does."""
+    """Form and size of a row of `Courses`; the size of one that is 0 throughout is 1."""
     most = float(np.abs(row).max()) or 1.0
     return (row / most).tobytes(), most

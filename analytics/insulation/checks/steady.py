@@ -67,7 +67,7 @@ class Settled:
 
     @property
     def lost(self) -> Flags:
-        """Of which series the end cannot be told."""
+        """Whether the end of each series cannot be told."""
         return np.asarray(self.sd > LOST_SHARE * np.abs(self.rise))
 
 

@@ -222,7 +222,7 @@ def _aged(place: AgeingPlace, dose_h: float, left: _Left | None) -> Aged:
 
 
 def _together(each: Iterable[Aged]) -> list[Aged]:
-    """Those of one place each that are equally old as one of several places."""
+    """Ages of one place each as ages of several places: those that are equally old as one."""
     found: list[Aged] = []
     for one in each:
         like = next((other for other in found if replace(one, places=other.places) == other), None)

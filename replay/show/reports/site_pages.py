@@ -36,12 +36,12 @@ COLUMNS = 80  # of a course in the index
 
 
 def session_path(session: str) -> str:
-    """Of the report of a session's replay with its current motor file."""
+    """Where the report of a session's replay with its current motor file lies."""
     return f"sessions/{session}.html"
 
 
 def diagnosis_path(diagnosis: str) -> str:
-    """Of the report of a diagnosis."""
+    """Where the report of a diagnosis lies."""
     return f"diagnoses/d-{diagnosis[:SHORT]}.html"
 
 
