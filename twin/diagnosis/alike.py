@@ -35,7 +35,7 @@ class Alike:
 
 
 def alike_moments(tests: Sequence[Test]) -> Iterator[Alike]:
-    """Of every two tests all settled moments; where there are none, the end of their common past."""
+    """All settled moments of every two tests; where there are none, the end of their common past."""
     largest = _largest(tests)
     held = [_held(test, largest) for test in tests]
     for first, second in combinations(range(len(tests)), 2):

@@ -36,8 +36,8 @@ POOLED_FROM = 5  # members: fewer say little of their family
 
 
 def kinds(network: Network) -> list[str]:
-    """Of every term of the network whether it is of `films` (links to a fluid or boundary, or whose law has features),
-    of `conduction`, or of `losses`."""
+    """The kind of every term of the network: `films` (links to a fluid or boundary, or whose law has features),
+    `conduction`, or `losses`."""
     solid = {node.name for node in network.nodes if node.region != "fluid"}
     found = []
     for link in network.links:

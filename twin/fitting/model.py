@@ -233,7 +233,7 @@ class _March:
 
 
 def _through_temperatures(ran: CircuitRun, readings: Sequence[Readings], heats: Heats, total: int) -> list[Floats]:
-    """Of each channel and meter (B, total): what its block means change by through the temperatures that it reads."""
+    """What the block means of each channel and meter change by through the temperatures that it reads (B, total)."""
     march, starts = ran.march, len(heats.shares)
     sensors, steps = [one.sensor for one in readings], len(march.means)
     columns = sparse_march.MarchedColumns(march.program, march.storage, sensors, heats.loads, heats.begin, steps)

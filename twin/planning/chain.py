@@ -104,9 +104,10 @@ class Best:
 
 @dataclass(frozen=True)
 class Promise:
-    """Of each candidate (m,): d of its prior size `before` the day and `after` it; with the one test that shows it
-    best, beside the recorded ones, with the one thing more to observe that shows it best, beside the day, and where all
-    of them are observed. `since_before`: without the day, where the recorded tests had been run once before it came."""
+    """What a day promises of each candidate (m,): d of its prior size `before` the day and `after` it; with the one
+    test that shows it best, beside the recorded ones, with the one thing more to observe that shows it best, beside the
+    day, and where all of them are observed. `since_before`: without the day, where the recorded tests had been run once
+    before it came."""
 
     before: Floats
     after: Floats

@@ -20,8 +20,8 @@ Courses = Mapping[str, tuple[bytes, float]]  # of a product of features: how it 
 
 @dataclass(frozen=True)
 class Multiples:
-    """Of each candidate (m,): so many `times` (m,) what stands at a `place` (m,) among the vector's parameters (P,) and
-    the candidates `made` (k,) behind them."""
+    """Candidates (m,) as multiples: each is `times` (m,) what stands at its `place` (m,) among the vector's parameters
+    (P,) and the candidates `made` (k,) behind them."""
 
     made: tuple[Parameter, ...]
     place: NDArray[np.intp]

@@ -40,7 +40,7 @@ def put_right_text(label: str, done: PutRight, reason: str, stale: StaleAnswers)
 
 
 def forgotten_json(found: ForgottenLogs, reason: str, stale: StaleAnswers) -> dict[str, Any]:
-    """As of what was taken back; `removed`: what is gone now, `before`: of logs that were forgotten already."""
+    """As `put_right_json`; `removed`: what is gone now, `before`: of logs that were forgotten already."""
     put_right = put_right_json(found.done, reason, stale)
     return {**put_right, "removed": found.swept._asdict(), "before": list(found.before)}
 

@@ -59,8 +59,8 @@ def fitted(
     tell: Tell,
     channel: str | None = None,
 ) -> Fitted:
-    """As a diagnosis begins. Raises ReplayDataError where sessions are too short, lack what the model needs, or have
-    no `channel` that is asked about, before anything is fitted."""
+    """The fit that a diagnosis begins with. Raises ReplayDataError where sessions are too short, lack what the model
+    needs, or have no `channel` that is asked about, before anything is fitted."""
     _refuse_short(sessions)
     with fitting(f"{sessions[0].name} with model {model[:12]}"):
         campaign = campaign_of(Question(store, with_bench_of(facts, model), sessions, [], model, level))
