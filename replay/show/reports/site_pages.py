@@ -14,6 +14,7 @@ import numpy as np
 from ingest.facts.events import DiagnosisCompleted, ReplayCompleted
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
+from ingest.texts.names import handle
 from replay.engine.results.run import Run
 from replay.engine.results.sealed import load_run
 from replay.engine.runs.sources import code_of
@@ -28,7 +29,6 @@ from replay.show.reports.documents import (
 )
 from replay.show.reports.report import write_report
 from replay.show.reports.site import Course, PageWanted
-from replay.studies.diagnosis.accept import SHORT
 
 AGEING = "ageing.html"
 COMMAND = "whyhot index"
@@ -42,7 +42,7 @@ def session_path(session: str) -> str:
 
 def diagnosis_path(diagnosis: str) -> str:
     """Where the report of a diagnosis lies."""
-    return f"diagnoses/d-{diagnosis[:SHORT]}.html"
+    return f"diagnoses/d-{handle(diagnosis)}.html"
 
 
 def wanted(store: Store, facts: Facts) -> dict[str, PageWanted]:
