@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ingest.formats import SHOWN
 from ingest.formats._csv_numbers import MISSING
 from ingest.formats._csv_stamps import BLANK, LocalClock, parse, time_of_day
 
@@ -19,7 +20,6 @@ Flags = NDArray[np.bool_]
 
 WRAP = 2**32  # what a counter of 32 bits begins anew at: of milliseconds after 50 days, of microseconds after 72 min
 DAY_S, HALF_DAY_S = 86_400.0, 43_200.0
-SHOWN = 64  # characters of a cell that is no time
 LATEST_NS = 9.2e18  # what int64 holds
 
 
