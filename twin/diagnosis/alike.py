@@ -123,7 +123,8 @@ def _means(test: Test, begin: int) -> Floats:
     inputs = [test.inputs[name] for name in sorted(test.inputs)]
     columns = np.column_stack([test.frame.boundaries, *inputs, test.frame.features])[begin:]
     whole = len(columns) // _window(test)
-    return columns[: whole * _window(test)].reshape(whole, _window(test), columns.shape[1]).mean(axis=1)
+    windows: Floats = columns[: whole * _window(test)].reshape(whole, _window(test), columns.shape[1])
+    return np.asarray(windows.mean(axis=1))
 
 
 def _may_differ(test: Test, ours: Floats, theirs: Floats, largest: Mapping[str, float]) -> Floats:
