@@ -11,6 +11,7 @@ from analytics import partitions, warehouse
 from analytics.errors import AnalyticsError
 from ingest.facts import facts as folding
 from ingest.facts.durable import sha256_of
+from ingest.texts.names import handle
 
 if TYPE_CHECKING:
     from ingest.facts.facts import Facts
@@ -71,5 +72,5 @@ def _differences(store: Store, named: dict[tuple[str, str], str]) -> list[str]:
         if not path.is_file():
             found.append(f"{path}: was not made again")
         elif sha256_of(path) != sha256:
-            found.append(f"{path}: differs from what its event names (sha256 {sha256[:12]}...)")
+            found.append(f"{path}: differs from what its event names (sha256 {handle(sha256)}...)")
     return found

@@ -6,6 +6,8 @@ import ast
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -26,14 +28,57 @@ MAY_IMPORT = {
 OURS = set(MAY_IMPORT)
 
 
-def _imports(tree: ast.AST) -> set[str]:
-    names: set[str] = set()
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            names |= {alias.name.split(".")[0] for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            names.add(node.module.split(".")[0])
-    return names
+@dataclass(frozen=True)
+class Source:
+    """What a file's text says: what it `defines` at its top, less what a decorator registers; its public `classes`;
+    what it `imports` anywhere as (module, name, what it is called here), name "" for a whole module; the packages that
+    it imports `at_the_top`; the names that it `loads`, and the (name, attribute) that it `asks`."""
+
+    defines: set[str]
+    classes: set[str]
+    imports: set[tuple[str, str, str]]
+    at_the_top: set[str]
+    loads: set[str]
+    asks: set[tuple[str, str]]
+
+    def packages(self) -> set[str]:
+        return {module.partition(".")[0] for module, _, _ in self.imports}
+
+    def used(self, name: str) -> set[tuple[str, str]]:
+        """(module, name) of all that the module of this name uses, of itself and of others."""
+        modules = {called: f"{module}.{own}" for module, own, called in self.imports}
+        asked = {(modules[of], attribute) for of, attribute in self.asks if of in modules}
+        return {(name, own) for own in self.loads} | {(module, own) for module, own, _ in self.imports} | asked
+
+
+@cache
+def _read(path: Path) -> Source:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    found = Source(set(), set(), set(), set(), set(), set())
+    for node in tree.body:
+        found.at_the_top.update(module.partition(".")[0] for module, _, _ in _imports(node))
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+            found.classes.add(node.name)
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.decorator_list:
+            found.defines.add(node.name)
+        elif isinstance(node, ast.Assign | ast.AnnAssign):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            found.defines.update(target.id for target in targets if isinstance(target, ast.Name))
+    for each in ast.walk(tree):
+        if isinstance(each, ast.Name):
+            found.loads.update([each.id] if isinstance(each.ctx, ast.Load) else [])
+        elif isinstance(each, ast.Attribute):
+            found.asks.update([(each.value.id, each.attr)] if isinstance(each.value, ast.Name) else [])
+        else:
+            found.imports.update(_imports(each))
+    return found
+
+
+def _imports(node: ast.AST) -> Iterator[tuple[str, str, str]]:
+    if isinstance(node, ast.Import):
+        yield from ((alias.name, "", alias.asname or alias.name) for alias in node.names)
+    elif isinstance(node, ast.ImportFrom) and node.module:
+        yield from ((node.module, alias.name, alias.asname or alias.name) for alias in node.names)
 
 
 def _modules(package: str) -> list[Path]:
@@ -45,15 +90,13 @@ def test_imports_go_one_way(package: str) -> None:
     modules = _modules(package)
     assert modules
     for path in modules:
-        strays = (_imports(ast.parse(path.read_text(encoding="utf-8"))) & OURS) - MAY_IMPORT[package]
+        strays = (_read(path).packages() & OURS) - MAY_IMPORT[package]
         assert not strays, f"{path.relative_to(ROOT)} imports {sorted(strays)}"
 
 
 def test_replay_imports_analytics_only_inside_functions() -> None:
     for path in _modules("replay"):
-        module = ast.parse(path.read_text(encoding="utf-8"))
-        at_the_top = [_imports(node) for node in module.body if isinstance(node, ast.Import | ast.ImportFrom)]
-        assert "analytics" not in set().union(*at_the_top), path.relative_to(ROOT)
+        assert "analytics" not in _read(path).at_the_top, path.relative_to(ROOT)
 
 
 # What lies in no room of its folder.
@@ -70,13 +113,7 @@ MODULES = {module_name(path): path for package in MAY_IMPORT for path in _module
 
 def _imported(path: Path) -> set[str]:
     """Our modules that a module imports anywhere in its text, for the sake of a type too."""
-    found: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            submodules = {f"{node.module}.{alias.name}" for alias in node.names} & set(MODULES)
-            found |= submodules or {node.module}
+    found = {f"{module}.{name}" if f"{module}.{name}" in MODULES else module for module, name, _ in _read(path).imports}
     return found & set(MODULES)
 
 
@@ -107,9 +144,8 @@ def test_a_room_imports_from_those_below_it_only(house: str) -> None:
 def test_a_public_class_name_has_one_meaning() -> None:
     found: dict[str, list[str]] = {}
     for module, path in MODULES.items():
-        for node in ast.parse(path.read_text(encoding="utf-8")).body:
-            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-                found.setdefault(node.name, []).append(module)
+        for name in _read(path).classes:
+            found.setdefault(name, []).append(module)
     assert {name: modules for name, modules in found.items() if len(modules) > 1} == {}
 
 
@@ -171,6 +207,22 @@ def test_each_module_is_reached_by_a_verb_or_says_whom_it_is_for() -> None:
     }
 
 
+# Asked for by their names in the list of formats, or of verbs.
+BY_NAME = {
+    "ingest.formats": {"reader", "claims", "no_table", "no_log", "locked", "by_name"},
+    "replay.cli": {"arguments", "run", "main"},
+}
+
+
+def test_what_a_module_defines_is_used_by_more_than_tests() -> None:
+    others = {str(path): path for folder in ("benchmarks", "notebooks") for path in (ROOT / folder).rglob("*.py")}
+    used = {pair for name, path in (MODULES | others).items() for pair in _read(path).used(name)}
+    for name, path in MODULES.items():
+        asked = next((names for folder, names in BY_NAME.items() if name.startswith(folder)), set[str]())
+        left = [one for one in _read(path).defines - asked if not one.startswith("__") and (name, one) not in used]
+        assert not left, f"{name}: nothing uses {left}"
+
+
 def test_tests_follow_the_rooms() -> None:
     for path in (ROOT / "tests").rglob("test_*.py"):
         place = path.parent.relative_to(ROOT / "tests")
@@ -180,10 +232,8 @@ def test_tests_follow_the_rooms() -> None:
 def test_the_twin_touches_no_file_clock_or_screen() -> None:
     shell = {"pathlib", "os", "io", "time", "datetime", "logging", "tomllib", "json", "pyarrow", "duckdb"}
     for path in _modules("twin"):
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        assert not _imports(tree) & shell, path.relative_to(ROOT)
-        called = {n.func.id for n in ast.walk(tree) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)}
-        assert not called & {"print", "open"}, path.relative_to(ROOT)
+        assert not _read(path).packages() & shell, path.relative_to(ROOT)
+        assert not _read(path).loads & {"print", "open"}, path.relative_to(ROOT)
 
 
 def test_help_imports_nothing_heavy() -> None:

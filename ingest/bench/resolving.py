@@ -62,7 +62,7 @@ class ResolvedChannel(Channel):
         return self.name + column_suffix(self.quantity)
 
     def with_step(self, step: float) -> ResolvedChannel:
-        """The same with the smallest step seen in the data (stored unit) as resolution, where none was known."""
+        """The channel with the smallest step seen in the data (stored unit) as resolution, where none was known."""
         if self.resolution is not None:
             return self
         return replace(self, resolution=step, noise=self.noise if self.noise_given else max(self.noise, step / 3))

@@ -140,7 +140,7 @@ class _Means:
 
     @classmethod
     def of(cls, specs: Sequence[ResolvedChannel], parts: Sequence[_Part], most: int) -> _Means:
-        """As fine as leaves about `most` means of each kind."""
+        """Means over so many seconds that about `most` of each kind are left."""
         start_ns, drive = parts[0].first_ns, sum(map(_drives, specs))
         span_s = (parts[-1].end_ns - start_ns) / SECOND_NS
         fine, coarse = (int(np.ceil(span_s * count / most)) for count in (drive, len(specs) - drive))
@@ -217,7 +217,7 @@ class _Channel:
                 self.stretches.append(one)
 
     def channel(self) -> ChannelData:
-        """Its means, as samples at the beginning of what they are of."""
+        """The channel of its means, each a sample at the beginning of its interval."""
         t_ns, value = (np.concatenate(column) for column in zip(*self.means, strict=True))
         zeros = np.zeros(len(t_ns), np.int64)
         return ChannelData(self.spec, t_ns, value, zeros, zeros, self.raws, self.buses)

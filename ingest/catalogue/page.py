@@ -12,10 +12,10 @@ from ingest.catalogue.description import ChannelDescription, SessionDescription
 from ingest.catalogue.power import PowerBalance
 from ingest.catalogue.quality import seconds
 from ingest.facts.events import COUNTS
+from ingest.texts.names import handle
 from ingest.texts.plain import plain_line
 
 NONE = "–"
-SHORT = 12  # characters of a hash that are shown
 LEAST = 8  # characters that a text in a table is cut to at most
 
 
@@ -112,7 +112,7 @@ def _sources(one: SessionDescription) -> list[str]:
         whole = (source.first_record, source.last_record) == (0, max(source.balance.get("found", 0) - 1, 0))
         rows = "" if whole else f", {source.records}"
         lines.append(
-            f"{source.file}   {source.balance.get('found', 0):,} records{rows}   sealed {source.sha256[:SHORT]}"
+            f"{source.file}   {source.balance.get('found', 0):,} records{rows}   sealed {handle(source.sha256)}"
         )
         lines.append(f"  {counts}   {holds}")
         lines += [f"  times: {source.times}"] if source.times else []

@@ -326,7 +326,7 @@ class _Others:
         self._topics: set[str] = set()
 
     def ours(self, places: Iterable[int]) -> None:
-        """These positions hold what this program recorded itself."""
+        """Take note of positions that hold what this program recorded itself."""
         self._ours.update(places)
 
     def add(self, row: Notification) -> None:

@@ -160,7 +160,7 @@ class LedgerIndex:
 
     @property
     def count(self) -> int:
-        """Of the current sessions."""
+        """How many current sessions there are."""
         ((count,),) = self._connection.execute("SELECT count(*) FROM session")
         return int(count)
 

@@ -26,8 +26,8 @@ from ingest.facts.events import (
 from ingest.facts.facts import Facts
 from ingest.facts.ledger_row import Recorded
 from ingest.facts.standing import records
+from ingest.texts.names import handle
 
-SHORT = 12
 ID: dict[type[Event], str] = {  # the field that links name an event by
     RawFileSealed: "sha256",
     SignalDatabaseRegistered: "sha256",
@@ -75,9 +75,9 @@ class Chains:
 
     def of_run(self, run: str) -> list[FactLink]:
         event = self.facts.runs[run]
-        code, bench = str(event.key.get("code", ""))[:SHORT], event.bench
-        words = ["whyhot", "replay", event.session[:SHORT], "--model", event.model[:SHORT], "--level", event.level]
-        says = f"of session {self._name(event.session)} with {event.motor}, digest {event.digest[:SHORT]}, code {code}"
+        code, bench = handle(str(event.key.get("code", ""))), event.bench
+        words = ["whyhot", "replay", handle(event.session), "--model", handle(event.model), "--level", event.level]
+        says = f"of session {self._name(event.session)} with {event.motor}, digest {handle(event.digest)}, code {code}"
         return [
             self._link("replay", ReplayCompleted, run, says, words),
             *self.of_model(event.model),
@@ -89,14 +89,14 @@ class Chains:
         train, kept, model = event.key.get("train", []), event.key.get("kept", []), event.key.get("model")
         words = ["whyhot", "diagnose", "--on", *map(self._name, train)]
         words += ["--hold-out", *map(self._name, kept)] if kept else []
-        causes, code = ", ".join(event.summary.get("causes", ())), str(event.key.get("code", ""))[:SHORT]
+        causes, code = ", ".join(event.summary.get("causes", ())), handle(str(event.key.get("code", "")))
         link = self._link("diagnosis", DiagnosisCompleted, diagnosis, f"{causes or 'no cause'}, code {code}", words)
         return [link, *(self.of_model(model) if model else []), *self._of_sessions([*train, *kept], event.key)]
 
     def of_calibration(self, calibration: str) -> list[FactLink]:
         event = next(one for one in self.facts.calibrations.values() if one.calibration == calibration)
-        words = ["whyhot", "calibrate", "--on", *map(self._name, event.sessions), "--model", event.parent[:SHORT]]
-        says = f"made model {event.model[:SHORT]} of {event.motor}"
+        words = ["whyhot", "calibrate", "--on", *map(self._name, event.sessions), "--model", handle(event.parent)]
+        says = f"made model {handle(event.model)} of {event.motor}"
         link = self._link("calibration", CalibrationCompleted, calibration, says, words)
         return [link, *self.of_model(event.parent), *self._of_sessions(event.sessions, event.key)]
 
@@ -112,10 +112,10 @@ class Chains:
         links: list[FactLink] = []
         while model in self.facts.models and all(model != link.id for link in links):
             event = self.facts.models[model]
-            by = f", made by diagnosis d-{self.extended[model][:SHORT]}" if model in self.extended else ""
+            by = f", made by diagnosis d-{handle(self.extended[model])}" if model in self.extended else ""
             made = self.facts.calibrations.get(model)
-            by = f", made by calibration {made.calibration[:SHORT]}" if made else by
-            from_ = f", from model {event.parent[:SHORT]}" if event.parent else ""
+            by = f", made by calibration {handle(made.calibration)}" if made else by
+            from_ = f", from model {handle(event.parent)}" if event.parent else ""
             links.append(self._link("motor file", ModelPublished, model, f"{event.file} of {event.motor}{from_}{by}"))
             model = event.parent or ""
         return links
@@ -165,7 +165,7 @@ class Chains:
 
     def _bench(self, bench: str | None) -> Iterator[FactLink]:
         if bench in self.facts.benches and bench is not None:
-            by = f", made by diagnosis d-{self.extended[bench][:SHORT]}" if bench in self.extended else ""
+            by = f", made by diagnosis d-{handle(self.extended[bench])}" if bench in self.extended else ""
             yield self._link("bench file", BenchRegistered, bench, f"{self.facts.benches[bench].name}{by}")
 
     def _name(self, session: str) -> str:

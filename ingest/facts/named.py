@@ -8,10 +8,9 @@ from typing import NamedTuple
 from ingest.errors import CorrectionError, UnknownSessionError
 from ingest.facts.facts import Facts
 from ingest.facts.standing import KINDS
+from ingest.texts.names import handle, is_called
 from ingest.texts.nearest import hint
 
-LEAST = 4  # characters of an id
-SHORT = 12
 LISTED = ' `whyhot sessions` lists sessions, `whyhot sql "SELECT name FROM files"` logs'
 
 
@@ -39,7 +38,7 @@ def retractable(facts: Facts) -> list[NamedFact]:
     return [
         *(NamedFact(f"file-{sha256}", one.name) for sha256, one in facts.files.items()),
         *(NamedFact(f"session-{one.session}", one.name) for one in facts.sessions),
-        *(NamedFact(f"diagnosis-{one}", f"d-{one[:SHORT]}") for one in facts.diagnoses),
+        *(NamedFact(f"diagnosis-{one}", f"d-{handle(one)}") for one in facts.diagnoses),
         *(NamedFact(f"inspection-{key}", one.name) for key, one in facts.inspections.items()),
     ]
 
@@ -95,10 +94,10 @@ def _forgotten(facts: Facts, one: NamedFact) -> str | None:
 def _only(there: Iterable[NamedFact], text: str) -> NamedFact | None:
     """The one of this name, else of this id, None where there is none. Raises CorrectionError for several."""
     there, key = list(there), text.lower().removeprefix("d-")
-    by_id = [one for one in there if len(key) >= LEAST and one.key.startswith(key)]
+    by_id = [one for one in there if is_called(one.key, key)]
     found = [one for one in there if one.name == text] or by_id
     if len(found) > 1:
-        which = ", ".join(f"{one.kind} {one.key[:SHORT]}" for one in found)
+        which = ", ".join(f"{one.kind} {handle(one.key)}" for one in found)
         raise CorrectionError(f"{text}: is more than one: {which}: give its id")
     return found[0] if found else None
 
@@ -132,9 +131,9 @@ def _other(facts: Facts, text: str) -> str | None:
             return f"{text}: is a motor file: take back the diagnosis that made it, or replay with another (--model)"
     if run := next((run for run in facts.runs if _is(text, run, run)), None):
         session = facts.runs[run].session
-        return f"{text}: is a replay: it follows from its session ({session[:SHORT]}) and its model: take back these"
+        return f"{text}: is a replay: it follows from its session ({handle(session)}) and its model: take back these"
     return None
 
 
 def _is(text: str, name: str, key: str) -> bool:
-    return text == name or (len(text) >= LEAST and key.startswith(text.lower()))
+    return text == name or is_called(key, text)

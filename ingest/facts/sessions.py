@@ -195,7 +195,7 @@ class _Parts:
         return cls(parts, [one["first_record"] for one in parts])
 
     def within(self, file: Mapping[str, Any]) -> list[dict[str, Any]]:
-        """Those that an entry of `SessionRecorded.files` holds."""
+        """The parts that an entry of `SessionRecorded.files` holds."""
         at, end = (bisect_left(self.first, record) for record in (file["first_record"], file["last_record"] + 1))
         if "rows" in file:
             return self.parts[at : at + 1]
@@ -345,7 +345,8 @@ class _Heirs:
         return self._now[max(found, key=lambda place: (found[place], -place))] if found else None
 
     def _with(self, file: Mapping[str, Any]) -> set[int]:
-        """Those with records of this file: where several have some, the one whose run the first record falls into."""
+        """The sessions with records of a file: where several have some, the one whose run its first record falls
+        into."""
         places = self._places.get(file["raw"], set())
         if len(places) < 2:
             return places

@@ -78,7 +78,7 @@ class Retraction:
 
     @property
     def line(self) -> str:
-        """The same for whoever asks for it, with what to do."""
+        """What was taken back, for whoever asks for it, with what to do."""
         if self.forgotten:
             return f"{self.says}: its bytes are gone for good, and this store takes them in no more"
         return f"{self.says}: `whyhot retract {self.event.name} --undo --reason TEXT` brings it back"

@@ -26,6 +26,7 @@ from ingest.facts.ledger_lock import has_wal_reset_bug
 from ingest.facts.ledger_place import SqliteFile
 from ingest.facts.store import Store, mark_of, place_of
 from ingest.facts.sweeping import remains
+from ingest.texts.names import handle
 from ingest.units.each import Workers, each
 
 AGAIN = "`whyhot rebuild` makes it again"
@@ -179,11 +180,6 @@ def damage(store: Store, read: bool = True, since: Head | None = None) -> list[s
     return [one.says for one in check(store, read, since).damages]
 
 
-def hints(store: Store) -> list[str]:
-    """The hints of a check that reads no sealed bytes."""
-    return check(store, read=False).hints
-
-
 def _check_files(
     found: StoreCheck,
     folder: Place,
@@ -221,7 +217,7 @@ def _check_sealed(
 ) -> None:
     names, bad = sorted({*archive, *files}), 0
     for number, sha256 in enumerate(names, 1):
-        tell(f"checking sealed file {number:,} of {len(names):,}: {sha256[:12]}")
+        tell(f"checking sealed file {number:,} of {len(names):,}: {handle(sha256)}")
         path = archive.folder / sha256[:2] / sha256
         if (_sealed(sha256), sha256) in whole:
             continue

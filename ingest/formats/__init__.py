@@ -35,6 +35,8 @@ REMOTE, FD, TRANSMIT = 2, 4, 8  # bits of `Frames.flags`
 SERIES = "series"  # setting of a table with several: name -> columns, "" of those without a name
 GZIP = b"\x1f\x8b"
 RATIO, ALWAYS = 200, 256 << 20  # a packed file may unpack to this many times its size, or to this many bytes
+BATCH_ROWS = 100_000  # at most
+SHOWN = 64  # first bytes, or characters, of what cannot be read
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 YEARS = (1971, 2200)  # of a log: in 1970 no clock was set, and int64 nanoseconds end in 2262
 
@@ -56,6 +58,11 @@ class Frames:
         offsets, data = payloads(self.data, self.offsets[:-1][at], np.diff(self.offsets)[at])
         names = ("t_ns", "bus", "can_id", "flags", "record")
         return Frames(**{name: getattr(self, name)[at] for name in names}, offsets=offsets, data=data)
+
+
+def rows_at_once(columns: int) -> int:
+    """How many rows of so many columns a batch has: 4 million values at most, and 100,000 rows."""
+    return max(1, min(BATCH_ROWS, 4_000_000 // max(1, columns)))
 
 
 def payloads(

@@ -21,18 +21,16 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 from pyarrow import types
 
-from ingest.formats import EARLIEST_NS, LATE_NS, RATIO, Log, Rejected, Rows
-from ingest.formats._csv_clocks import LATEST_NS, UNITS_NS, Clock, Flags, Ints
+from ingest.formats import EARLIEST_NS, LATE_NS, RATIO, SHOWN, Log, Rejected, Rows, rows_at_once
+from ingest.formats._csv_clocks import LATEST_NS, Clock, Flags, Ints
 from ingest.formats._csv_dialect import SAMPLE_ROWS, UNIT_IN_NAME, Dialect, unique
 from ingest.formats._csv_numbers import Numerals
 from ingest.formats._csv_stamps import LocalClock
-from ingest.formats._csv_time import is_time_name, recognise_clock
+from ingest.formats._csv_time import recognise_clock
+from ingest.formats._csv_time_names import UNITS_NS, is_time_name
 from ingest.formats._long_tables import LongTable, recognise_long
 
-VALUES = 4_000_000  # of a batch, at most
-ROWS = 100_000  # of a batch, at most
 LONG_LOG = 4 << 30  # bytes, unpacked, of a log that may be as small as it likes: about a minute of reading
-SHOWN = 64  # first bytes of a rejected row
 DAMAGE = (pa.ArrowException, OSError, ValueError, KeyError)  # pyarrow raises these for damaged bytes
 NO_TIME = np.iinfo(np.int64).min  # in place of a missing stamp or duration
 
@@ -98,7 +96,7 @@ class ArrowLog(Log):
                 break
             if not self.found and table.num_rows:
                 self._begin(table)
-            size = max(1, min(ROWS, VALUES // max(1, table.num_columns)))
+            size = rows_at_once(table.num_columns)
             for start in range(0, table.num_rows, size):
                 yield from self._rows(_kept(table.slice(start, size)))
         if self.found:

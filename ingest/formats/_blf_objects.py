@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.formats import FD, REMOTE, TRANSMIT, Frames, Rejected, payloads
+from ingest.formats import FD, REMOTE, SHOWN, TRANSMIT, Frames, Rejected, payloads
 
 Ints = NDArray[np.int64]
 
@@ -191,7 +191,6 @@ WHY = (
     "its stamp is beyond the year 2262",
 )
 FINE, ERROR_FRAME, SHORT, CHANNEL, LONG, LATE = range(len(WHY))
-SHOWN = 64  # first bytes of a rejected object
 ID_BITS = 0x9FFF_FFFF  # 29 bits, and bit 31 for an extended identifier
 FIELDS = {"why": "u1", "bus": "u1", "id": "<u4", "flags": "u1", "source": "<i8", "length": "<i8", "present": "<i8"}
 Fields = dict[str, NDArray[Any]]  # of objects (N,), by the names in FIELDS

@@ -11,32 +11,16 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ingest.formats import SHOWN
 from ingest.formats._csv_numbers import MISSING
 from ingest.formats._csv_stamps import BLANK, LocalClock, parse, time_of_day
 
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-_SPELT = {  # [ns] -> units of time, in lower case
-    1.0: "ns nsec nanoseconds",
-    1e3: "us µs μs usec microseconds mikrosekunden",
-    1e6: "ms msec millisecond milliseconds millisekunden millisecondes",
-    1e9: "s sec secs sek second seconds sekunde sekunden secondi secondes segundos",
-    60e9: "min mins minute minutes minuten minuti minutos",
-    3600e9: "h hr hrs hour hours std stunden ore heures horas",
-    86_400e9: "day days tage giorni jours",
-}
-UNITS_NS = {unit: in_ns for in_ns, units in _SPELT.items() for unit in units.split()}
 WRAP = 2**32  # what a counter of 32 bits begins anew at: of milliseconds after 50 days, of microseconds after 72 min
 DAY_S = 86_400.0
-SHOWN = 64  # characters of a cell that is no time
 LATEST_NS = 9.2e18  # what int64 holds
-
-
-def unit_of_time(text: str | None) -> str | None:
-    """The key of `UNITS_NS` that a unit such as `Min`, `MS` and `Sek.` is; None for another, or none."""
-    unit = (text or "").casefold().strip(" .")
-    return unit if unit in UNITS_NS else None
 
 
 @dataclass(kw_only=True)

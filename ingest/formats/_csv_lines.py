@@ -11,11 +11,11 @@ import pyarrow as pa
 import pyarrow.csv
 from numpy.typing import NDArray
 
+from ingest.formats import SHOWN
 from ingest.formats._csv_dialect import BLANKS, Dialect, cells
 from ingest.formats._csv_numbers import MISSING, Numerals
 
 SINGLY = 64  # rows that are read one by one where they cannot be read together
-SHOWN = 64  # first bytes of what cannot be read, or of a line above the header
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from ingest.formats import TimeSpec
 from ingest.formats._csv_clocks import Clock, Flags
 from ingest.formats._csv_dialect import Dialect
-from ingest.formats._csv_time import clock_of, is_time_name, is_x
+from ingest.formats._csv_time import clock_of
+from ingest.formats._csv_time_names import is_time_name, is_x
 
 NUMBERED = re.compile(r"[ _]?\d+$")  # `Zeit 2` is one of several
 

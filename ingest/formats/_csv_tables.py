@@ -8,7 +8,7 @@ from itertools import pairwise
 
 from ingest.formats._csv_dialect import DELIMITERS, cells, is_value
 from ingest.formats._csv_numbers import MISSING
-from ingest.formats._csv_time import is_date_name, is_time_name
+from ingest.formats._csv_time_names import is_date_name, is_time_name
 
 TIME_SAID = re.compile("time|zeit|stamp|dat|epoch|elapsed|tempo|ora|^.?ts?[^a-z]", re.IGNORECASE)  # as a name may
 BELOW = 4  # lines that show whether names stand above rows

@@ -17,7 +17,6 @@ from ingest.errors import UnreadableLogError
 from ingest.formats import EPOCH, TimeSpec, utc_ns
 from ingest.formats._csv_clocks import (
     OF_HOUR,
-    UNITS_NS,
     WRAP,
     Clock,
     Counted,
@@ -30,7 +29,6 @@ from ingest.formats._csv_clocks import (
     carried,
     seconds_of_day,
     seconds_of_hour,
-    unit_of_time,
     wraps_of,
 )
 from ingest.formats._csv_dialect import Dialect, cells
@@ -54,55 +52,26 @@ from ingest.formats._csv_stamps import (
     pattern_of,
     year_may_be_first,
 )
+from ingest.formats._csv_time_names import (
+    PARTS_OF_STAMP,
+    UNITS_NS,
+    base_and_unit,
+    digits_of,
+    is_date_name,
+    is_time_name,
+    is_x,
+    unit_of_time,
+    words,
+)
 from ingest.formats._no_times import way_out
 from ingest.texts.nearest import hint
 
-TIME_NAMES = frozenset(
-    ("time", "times", "timestamp", "tstamp", "timestring", "timestampepoch", "epoch", "unixtime", "datetime", "elapsed")
-) | frozenset(
-    (
-        "elapsedtime",
-        "ts",
-        "ticks",
-        "filetime",
-        "zeit",
-        "zeitstempel",
-        "datumzeit",
-        "uhrzeit",
-        "tempo",
-        "dataora",
-        "dataeora",
-        "temps",
-        "heure",
-        "horodatage",
-        "dateheure",
-        "tiempo",
-        "hora",
-        "fechahora",
-    )
-)
-X_NAMES = frozenset(("x", "xaxis", "xachse", "xvalue", "xvalues", "xwert", "xwerte"))
 ORDER_IN_NAME = re.compile(r"\b(dd|mm)[-./](?:dd|mm)[-./]yy", re.IGNORECASE)  # `Date (MM/DD/YYYY)`
-COUNTERS = {"millis": ("time", "ms"), "micros": ("time", "us")}  # as small controllers call their clocks
 RATED = re.compile(  # what a line above a table says of its rows
     r"(?i)(?P<name>(?:[a-z]+[ _-]*)?(?:rate|freq|frequency|frequenz|interval|intervall|period)|sampl[a-z]*[ _-]?time"
     r"|abtastzeit|delta[ _]t|dt)\W+(?P<value>[\d.,]+(?:e[+-]?\d+)?)\W*(?P<unit>k?hz|[nuµm]?s|sec|min)?\W*"
 )
 PER_S = {"hz": 1.0, "khz": 1e3}
-DATE_WORDS = frozenset(("date", "datetime", "datum", "data", "fecha"))
-PARTS_OF_STAMP = [  # names of columns that hold one part each, of the year to the second
-    frozenset(names.split())
-    for names in (
-        "year jahr anno année annee año ano yyyy yy",
-        "month monat mese mois mes mm",
-        "day tag giorno jour día dia dd",
-        "hour hours stunde ora heure hora hh h",
-        "minute minutes minuti minuto min",
-        "second seconds sekunde secondi seconde segundo sec s ss",
-    )
-]
-PARTS_OF_SECOND = dict.fromkeys(("ms", "msec", "millisecond", "milliseconds", "millisekunde", "millisekunden"), 3)
-PARTS_OF_SECOND |= dict.fromkeys(("us", "µs", "μs", "usec", "microsecond", "microseconds", "mikrosekunden"), 6)
 SERIAL_D, SERIAL_NS = (36526.0, 73050.0), utc_ns(EPOCH.replace(year=1899, month=12, day=30))  # days of 2000 to 2099
 SERIAL_STEP_D = 1e-3  # numbers so large that go on by less are no seconds: a thousand rows in each
 EPOCH_NS = (1e18, 3.3e18)  # a column of numbers between these [ns] counts from 1970: years 2001 to 2074
@@ -111,7 +80,6 @@ TICKS = {  # of 100 ns, in words -> what they count from, and the ticks of 2000 
     "100 ns since the year 1 in UTC": (621_355_968_000_000_000, 6.3e17, 6.63e17),  # .NET
     "100 ns since 1601 in UTC": (116_444_736_000_000_000, 1.26e17, 1.575e17),  # Windows
 }
-CATMAN_TIME = re.compile(r"(?:time|zeit) +\d+ - ", re.IGNORECASE)  # "Zeit  1 - Standardmessrate"
 LOOSE_NS = 2_000_000_000  # stamps of whole seconds and what counts beside them: apart by this at most
 NO_RECORD = np.empty(0, np.int64)  # stamps need none
 
@@ -323,7 +291,7 @@ def _serial(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
     days = np.array(_numbers(dialect, column)) if _is_number(dialect, column) else np.empty(0)
     if len(days) < 2 or not rises(days) or not ((days >= SERIAL_D[0]) & (days < SERIAL_D[1])).all():
         return None
-    if np.median(np.diff(days)) >= SERIAL_STEP_D and not DATE_WORDS.intersection(words(column)):
+    if np.median(np.diff(days)) >= SERIAL_STEP_D and not is_date_name(column):
         return None
     says, local = f"days since 1899-12-30 in {time.zone}", LocalClock(time.local)
     return Serial(
@@ -349,7 +317,7 @@ def _serial_of_two(time: TimeSpec, named: Sequence[str], dialect: Dialect) -> Cl
 
 def _of_dates(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
     """The clock of a column of numbers that is called as dates are."""
-    return _serial(time, column, dialect) if DATE_WORDS.intersection(words(column)) else None
+    return _serial(time, column, dialect) if is_date_name(column) else None
 
 
 def _of_day(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
@@ -467,12 +435,6 @@ def _with_part(clock: Stamped, dialect: Dialect) -> Stamped:
     return replace(clock, columns=(*clock.columns, column), digits=digits)
 
 
-def digits_of(name: str) -> int:
-    """Of the part of the second that a column with this name holds: 3 of `ms` and `Time(ms)`, 6 of `us`; else 0."""
-    base, unit = base_and_unit(name)
-    return PARTS_OF_SECOND.get((unit if base in TIME_NAMES and unit else name).casefold(), 0)
-
-
 def _is_day_first(said: list[str], columns: tuple[str, ...], dialect: Dialect) -> bool | None:
     """Whether dates begin with the day: 24/12 does wherever it stands in the table, 05/06 where its column's name says
     so, and in a table with decimal commas or semicolons. None where nothing tells; 25/03/17 may begin with the year in
@@ -519,37 +481,3 @@ def rises(values: NDArray[Any]) -> bool:
     steps, half = np.diff(values), len(values) // 2
     later = np.median(values[half:]) > np.median(values[:half])
     return 10 * int((steps < 0).sum()) <= len(values) and bool(later or 2 * int((steps > 0).sum()) > len(steps))
-
-
-def is_time_name(name: str) -> bool:
-    """Whether the name of a column says that it holds the time: `t` does, `T` alone is a temperature."""
-    base = base_and_unit(name)[0]
-    return base in TIME_NAMES or (base == "t" and name.startswith("t")) or CATMAN_TIME.match(name) is not None
-
-
-def is_x(name: str, dialect: Dialect, said: str | None = None) -> bool:
-    """Whether a column is the X of others, as oscilloscopes and FAMOS call their times: one with a unit of time. `said`
-    is what the header calls it."""
-    base, unit = base_and_unit(said or name)
-    last = base in X_NAMES or words(re.sub(r"\[.*", "", said or name))[-1:] == ["x"]
-    return last and unit_of_time(unit or dialect.units.get(name)) is not None
-
-
-def is_date_name(name: str) -> bool:
-    """Whether the name of a column says that it holds a date."""
-    return bool(DATE_WORDS.intersection(words(name)))
-
-
-def base_and_unit(name: str) -> tuple[str, str | None]:
-    """The name of a column and the unit in it: ("time", "s") of `Time [s]`, `time_s` and `Time in s`; `time_utc` is
-    called ("time", None)."""
-    said = [word for word in words(name) if word not in ("in", "utc", "ole2")]
-    if "".join(said) in COUNTERS:
-        return COUNTERS["".join(said)]
-    unit = said.pop() if len(said) > 1 and said[-1] in UNITS_NS else None
-    return "".join(said), unit
-
-
-def words(name: str) -> list[str]:
-    """The words of a column's name, in lower case."""
-    return re.findall(r"[^\W_]+", name.casefold())

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import EARLIEST_NS, EXTENDED, LATE_NS, Frames, Log, Rejected
+from ingest.formats import EARLIEST_NS, EXTENDED, LATE_NS, SHOWN, Frames, Log, Rejected
 from ingest.formats._text import TextFile, place_of
 
 LONGEST_CLASSIC, LONGEST_FD, HIGHEST_BUS = 8, 64, 255
@@ -21,7 +21,6 @@ HIGHEST_STANDARD, HIGHEST_ID = 0x7FF, 0x1FFF_FFFF
 FD_LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)  # bytes, by data length code (ISO 11898-1)
 ERROR_FRAME = "error frame"
 ONLY_BUS = 1  # of a log that does not say on which bus its frames were
-SHOWN = 64  # first bytes of a rejected line
 OCTETS = re.compile(r"(?:[0-9A-Fa-f]{2}(?: |$))*")
 SECOND_DIGITS = 9  # of a second in nanoseconds
 

@@ -13,13 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.formats import Log, Rejected, Rows
+from ingest.formats import Log, Rejected, Rows, rows_at_once
 from ingest.formats._csv_dialect import unique
 from ingest.formats._merged import part_size
 from ingest.formats._merged import rows as merged_rows
-
-CELLS = 4_000_000  # of a batch, at most
-ROWS = 100_000  # of a batch, at most
 
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
@@ -68,7 +65,7 @@ class JoinedTables(Log):
         names = unique(full)[0]
         units = [unit.strip() for table in tables for unit in table.units]
         self.units |= {name: unit for name, unit in zip(names, units, strict=True) if unit}
-        size = max(1, min(ROWS, CELLS // max(1, len(names))))
+        size = rows_at_once(len(names))
         starts = [0] * len(tables)
         for rows in _placed(tables, size):
             yield from self._rows([*zip(tables, starts, rows, strict=True)], names)

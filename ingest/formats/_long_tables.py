@@ -21,7 +21,7 @@ from ingest.formats import SERIES, Rows
 from ingest.formats._csv_dialect import Dialect
 from ingest.formats._csv_numbers import MISSING
 from ingest.formats._csv_stamps import is_stamp
-from ingest.formats._csv_time import digits_of, is_time_name, words
+from ingest.formats._csv_time_names import digits_of, is_time_name, words
 
 
 def _set(text: str) -> frozenset[str]:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ingest.formats import SHOWN
 from ingest.formats._mdf_blocks import BrokenBlock, MdfChannel
 
 TIMES = (2, 3)  # kinds of a channel of time
@@ -15,7 +16,6 @@ TEXTS = 6  # forms from here on are texts or bytes
 SIGNED, FLOATS = (2, 3), (4, 5)  # forms
 FLOAT_TYPES = {16: np.float16, 32: np.float32, 64: np.float64}  # by bits
 UNSIGNED_TYPES = {16: np.uint16, 32: np.uint32, 64: np.uint64}
-SHOWN = 64  # characters of a name in a message
 
 Values = NDArray[Any]
 

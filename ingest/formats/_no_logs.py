@@ -112,7 +112,7 @@ def no_log(head: bytes) -> str | None:
 
 
 def locked(path: Path) -> str | None:
-    """The same of a file that begins like no format of ours, by its name."""
+    """What a file that begins like no format of ours is by its name, and what to do."""
     return LOCKED.get(path.suffix.lower())
 
 

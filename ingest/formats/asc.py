@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import EXTENDED, TRANSMIT, Frames, Log, Rejected, payloads
+from ingest.formats import EXTENDED, SHOWN, TRANSMIT, Frames, Log, Rejected, payloads
 from ingest.formats._asc_lines import STAMP, Line, parse_date, parse_line
 from ingest.formats._frame_lines import ERROR_FRAME, HIGHEST_BUS, HIGHEST_ID, cut_line
 from ingest.formats._text import TextFile, place_of
@@ -34,7 +34,6 @@ HEADER_LINE = re.compile(r"(date|base|//|$|(?:no\s+)?internal\s+events)", re.IGN
 BASE_LINE = re.compile(r"base\s+(hex|dec)(?:\s+timestamps\s+(absolute|relative))?", re.IGNORECASE)
 LONGEST_S = 1e9  # of a stamp; one that is longer is damaged
 LONGEST_STEP_S = 1e7  # from one line to the next, where stamps are relative: a damaged one would move all that follow
-SHOWN = 64  # first bytes of a rejected line
 
 
 @dataclass

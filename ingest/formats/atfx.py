@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.formats import Rows
-from ingest.formats._csv_clocks import UNITS_NS, unit_of_time
-from ingest.formats._csv_time import base_and_unit, is_time_name
+from ingest.formats._csv_time_names import UNITS_NS, base_and_unit, is_time_name, unit_of_time
 from ingest.formats._joined_tables import JoinedTables, OwnTimes, counted, held
 
 MEASUREMENT, QUANTITY, SUBMATRIX, COLUMN, UNIT = (

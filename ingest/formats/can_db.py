@@ -15,13 +15,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import EARLIEST_NS, FD, LATE_NS, REMOTE, Frames, Log, Rejected
+from ingest.formats import EARLIEST_NS, FD, LATE_NS, REMOTE, SHOWN, Frames, Log, Rejected
 from ingest.formats._frame_lines import (
     ERROR_FRAME,
     LONGEST_CLASSIC,
     LONGEST_FD,
     ONLY_BUS,
-    SHOWN,
     OneFrame,
     as_arrays,
     frame_of,

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import SERIES, Log, Rejected, Rows
+from ingest.formats import SERIES, SHOWN, Log, Rejected, Rows
 from ingest.formats._csv_clocks import Clock
 from ingest.formats._csv_dialect import (
     SAMPLE_ROWS,
@@ -37,7 +37,7 @@ from ingest.formats._csv_dialect import (
     no_table_of,
     recognise_dialect,
 )
-from ingest.formats._csv_lines import SHOWN, LineReader, Lines
+from ingest.formats._csv_lines import LineReader, Lines
 from ingest.formats._csv_numbers import MISSING, OTHER, Numerals
 from ingest.formats._csv_series import TimedColumns, series_of
 from ingest.formats._csv_tables import BELOW, first_table, is_header

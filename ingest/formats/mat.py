@@ -27,11 +27,12 @@ from scipy.io import loadmat
 from scipy.io.matlab import MatReadError
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import Rows
+from ingest.formats import SHOWN, Rows
 from ingest.formats._csv_clocks import Clock
 from ingest.formats._csv_dialect import SAMPLE_ROWS, UNIT_IN_NAME, Dialect
 from ingest.formats._csv_numbers import Numerals
-from ingest.formats._csv_time import is_time_name, recognise_clock, rises
+from ingest.formats._csv_time import recognise_clock, rises
+from ingest.formats._csv_time_names import is_time_name
 from ingest.formats._joined_tables import JoinedTables, OwnTimes, held
 from ingest.texts.nearest import hint
 
@@ -52,7 +53,6 @@ DAMAGE = (  # what scipy raises of bytes that are not as the format says
     zlib.error,
 )
 MOST_COLUMNS = 100  # of a matrix; one with more holds no signals
-SHOWN = 64  # first bytes of a rejected record
 NAMED = 300  # characters of names in a refusal
 
 

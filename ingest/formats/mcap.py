@@ -27,7 +27,7 @@ from mcap.stream_reader import MAGIC_SIZE, get_chunk_data_stream
 from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import EARLIEST_NS, LATE_NS, Rows
+from ingest.formats import EARLIEST_NS, LATE_NS, SHOWN, Rows
 from ingest.formats import _cdr as cdr
 from ingest.formats import _protobuf as protobuf
 from ingest.formats._flattened import NotRead, Numbers, decoded_json
@@ -41,7 +41,6 @@ OURS = "arrow"  # encoding of the recordings that whyhot writes
 MOST_COLUMNS = 5000
 DELAY, AGREE_NS = "publish_delay", 1_000_000_000
 RECORD = struct.Struct("<BQ")  # kind and length of what follows
-SHOWN = 64  # first bytes of a message that is rejected
 WAYS_OUT = {
     "flatbuffer": "flatbuffer is not read. Export it as JSON in Foxglove, or as CSV",
 }

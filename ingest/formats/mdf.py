@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.formats import LATE_NS, Rows
+from ingest.formats import LATE_NS, SHOWN, Rows
 from ingest.formats._joined_tables import JoinedTables, OwnTimes, counted
 from ingest.formats._mdf_blocks import BrokenBlock, MdfChannel
 from ingest.formats._mdf_log import MdfLog
@@ -28,7 +28,6 @@ from ingest.formats._mdf_values import TEXTS, TIMES, VIRTUAL, invalid, stored, v
 
 TIME = 1  # what a master stands for
 FIXED = (0, 2)  # kinds of a channel that lies in its record
-SHOWN = 64  # first bytes of a rejected record
 FARTHEST_S = 1e9  # after the start
 SINCE_1970_S = (1e9, 4e9)  # stamps of the years 2001 to 2096: some writers give them in place of times since the start
 NO_TIME = "no time: its group has no channel of time"

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import EXTENDED, FD, LATE_NS, REMOTE, TRANSMIT, Frames, Rejected, payloads
+from ingest.formats import EXTENDED, FD, LATE_NS, REMOTE, SHOWN, TRANSMIT, Frames, Rejected, payloads
 from ingest.formats._frame_lines import (
     ERROR_FRAME,
     FD_LENGTHS,
@@ -30,7 +30,6 @@ from ingest.formats._frame_lines import (
     HIGHEST_STANDARD,
     LONGEST_CLASSIC,
     LONGEST_FD,
-    SHOWN,
     Ints,
 )
 from ingest.formats._mdf_blocks import Block, BrokenBlock, MdfBlocks, MdfChannel, MdfGroup

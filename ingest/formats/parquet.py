@@ -12,7 +12,8 @@ import pyarrow as pa
 import pyarrow.parquet
 
 from ingest.errors import UnreadableLogError
-from ingest.formats._arrow_rows import DAMAGE, ROWS, ArrowLog, checked, most_in_columns
+from ingest.formats import BATCH_ROWS
+from ingest.formats._arrow_rows import DAMAGE, ArrowLog, checked, most_in_columns
 
 MAGIC = b"PAR1"
 NUMBER = 8  # bytes
@@ -49,7 +50,7 @@ class ParquetLog(ArrowLog):
             self._refuse_bomb(file.metadata)
             for number in range(file.num_row_groups):
                 try:
-                    yield from map(checked, file.iter_batches(ROWS, row_groups=[number], use_threads=False))
+                    yield from map(checked, file.iter_batches(BATCH_ROWS, row_groups=[number], use_threads=False))
                 except DAMAGE as error:
                     if number == 0:
                         raise self._damaged(error) from None

@@ -21,9 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import EARLIEST_NS, EPOCH, LATE_NS, Rejected, Rows, utc_ns
-from ingest.formats._csv_clocks import LATEST_NS, UNITS_NS, unit_of_time
-from ingest.formats._csv_time import base_and_unit, is_time_name, rises
+from ingest.formats import EARLIEST_NS, EPOCH, LATE_NS, SHOWN, Rejected, Rows, rows_at_once, utc_ns
+from ingest.formats._csv_clocks import LATEST_NS
+from ingest.formats._csv_time import rises
+from ingest.formats._csv_time_names import UNITS_NS, base_and_unit, is_time_name, unit_of_time
 from ingest.formats._joined_tables import JoinedTables, OwnTimes, held
 from ingest.formats._tdms_file import (
     TdmsFile,
@@ -38,9 +39,6 @@ from ingest.formats._tdms_file import (
 )
 from ingest.texts.nearest import hint
 
-VALUES = 4_000_000  # of a batch, at most
-ROWS = 100_000  # of a batch, at most
-SHOWN = 64  # first bytes of a rejected row
 SECOND_NS = 1_000_000_000
 SINCE_1904_S = (2.9e9, 4.3e9)  # a column of seconds between these counts from 1904, as LabVIEW does: years 1995 to 2040
 SINCE_1970_S = (1e9, 2.9e9)  # and between these from 1970
@@ -150,8 +148,8 @@ class TdmsLog(JoinedTables):
 
     def _table(self, file: TdmsFile, base: _Base, channels: Sequence[Any]) -> OwnTimes:
         """One base of several."""
-        length = max(len(channel) for channel in channels)
-        parts = [base.t_ns(start, min(ROWS, length - start))[:2] for start in range(0, length, ROWS)]
+        length, step = max(len(channel) for channel in channels), rows_at_once(1)
+        parts = [base.t_ns(start, min(step, length - start))[:2] for start in range(0, length, step)]
         t_ns = np.concatenate([np.empty(0, np.int64), *(stamps for stamps, _ in parts)])
         bad = np.concatenate([np.empty(0, bool), *(wrong for _, wrong in parts)])
 
@@ -176,7 +174,7 @@ class TdmsLog(JoinedTables):
     ) -> Iterator[Rows]:
         """The rows of one base. `columns`: all channels of the file that hold values."""
         length = max((len(channel) for channel in channels), default=0)
-        for start in range(0, length, step := max(1, min(ROWS, VALUES // max(1, len(columns))))):
+        for start in range(0, length, step := rows_at_once(len(columns))):
             count = min(step, length - start)
             t_ns, bad, raw = base.t_ns(start, count)
             table = {self._names[id(one)]: self._column(one, one in channels, start, count) for one in columns}

@@ -14,14 +14,13 @@ from datetime import datetime, timedelta
 from decimal import Decimal, InvalidOperation
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import FD, REMOTE, TRANSMIT
+from ingest.formats import FD, REMOTE, SHOWN, TRANSMIT
 from ingest.formats._frame_lines import (
     ERROR_FRAME,
     FD_LENGTHS,
     LONGEST_CLASSIC,
     LONGEST_FD,
     ONLY_BUS,
-    SHOWN,
     FrameLines,
     OneFrame,
     counted,

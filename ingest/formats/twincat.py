@@ -13,9 +13,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import EPOCH, utc_ns
+from ingest.formats import EPOCH, SHOWN, utc_ns
 from ingest.formats._csv_dialect import DELIMITERS, cells, is_value
-from ingest.formats._csv_lines import SHOWN
 from ingest.formats._text import TextFile, decoded
 from ingest.formats.csv import ABOVE, CsvLog
 

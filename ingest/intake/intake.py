@@ -25,6 +25,7 @@ from ingest.intake.making import LogFile, ReadLog, decode_logs, made_in, read_lo
 from ingest.intake.setup import Setup, keep_setup, kept_name, mend_setup, resolved
 from ingest.log import clock, j1939, specimens, unread
 from ingest.log.decode import newer
+from ingest.texts.names import handle
 from ingest.units.each import Workers
 
 
@@ -191,6 +192,6 @@ def _news(
         events += [decode, *flags]
     for twin in known.called(name):
         if log.raw not in known.files:
-            says = f"{name}: another file of this name was ingested before, with other bytes ({twin.sha256[:12]})"
+            says = f"{name}: another file of this name was ingested before, with other bytes ({handle(twin.sha256)})"
             events.append(QualityFlagged(flag="same_name_other_bytes", says=says, detail={"other": twin.sha256}))
     return events

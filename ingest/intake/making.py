@@ -36,7 +36,7 @@ class LogFile:
     form: Format
 
     def identity(self, setup: Setup) -> dict[str, Any]:
-        """Of its decode (`ingest.log.decode.identity`)."""
+        """What its decode is known by (`ingest.log.decode.identity`)."""
         return identity(self.raw, setup.databases_of(self.form), setup.bench, setup.model)
 
 

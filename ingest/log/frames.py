@@ -39,7 +39,7 @@ class FrameBatch:
             yield int(self.frames.bus[0]), can_id, with_data[order[start:stop]]
 
     def long_enough(self, message: Message, at: Positions) -> Positions:
-        """Those of the frames `at` that are as long as `message`, or longer."""
+        """Which of the frames `at` are as long as `message`, or longer."""
         return at[self.lengths[at] >= message.length]
 
     def signals(

@@ -28,7 +28,7 @@ class Spill(Generic[Name]):
 
     @property
     def names(self) -> list[Name]:
-        """Of which there are rows, in the order in which they first came."""
+        """Names with rows, in the order in which they first came."""
         return list(self._waiting)
 
     def add(self, name: Name, rows: Table) -> None:

@@ -224,7 +224,7 @@ class _ByPlace:
 
     @property
     def numbers(self) -> list[int]:
-        """Of the stretches that hold rows."""
+        """Numbers of the stretches that hold rows."""
         return self._spill.names
 
     def add(self, rows: Table) -> None:
@@ -276,11 +276,12 @@ class _Doubled:
             found.doubled.add(stream)
 
     def begins(self, number: int) -> Flags:
-        """Of the records of a stretch (MOST_ROWS,): where a block begins that stands there twice."""
+        """Of a stretch (MOST_ROWS,): the records with which a block begins that stands there twice."""
         return self._blocks(number)[1]
 
     def _blocks(self, number: int) -> tuple[Flags, Flags]:
-        """Of the records of a stretch, (MOST_ROWS,) each: those within a block of two and more; where one begins."""
+        """Which records of a stretch are within a block of two and more, and with which one begins: (MOST_ROWS,)
+        each."""
         again = np.zeros(spill.MOST_ROWS + 2, np.bool_)  # with the record before the stretch and the one behind it
         again[self._again.within(number)["at"] + 1] = True
         again[0] = (self._again.within(number - 1)["at"] == spill.MOST_ROWS - 1).any()

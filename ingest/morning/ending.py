@@ -24,8 +24,6 @@ FOLLOWED = 0.95  # share of the WLTC's trace: a log may lack its tail
 LIMIT_K = 1.0  # below a limit
 AS_BEFORE, BROKEN_OFF = 0.9, 0.85  # shares: so much of a run as the one before, and so little of that one at most
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class SessionEnd:

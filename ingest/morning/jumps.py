@@ -111,7 +111,7 @@ def _unloaded(channels: Sequence[ChannelData], begin: int, seconds: int) -> NDAr
 
 
 def _moments(together: NDArray[np.int64]) -> list[int]:
-    """Of each run of seconds at which enough jump the middle of those at which most do."""
+    """The middle of those seconds at which most jump, of each run of seconds at which enough do."""
     at = np.flatnonzero(together >= TOGETHER)
     runs = np.split(at, np.flatnonzero(np.diff(at) > APART_s) + 1) if at.size else []
     return [int(np.median(run[together[run] == together[run].max()])) for run in runs]

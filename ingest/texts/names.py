@@ -1,8 +1,18 @@
-"""Names that must differ."""
+"""Names that must differ, and ids that are called by their beginning."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+
+
+def handle(key: str) -> str:
+    """What an id or hash is called by where people read it and type it again."""
+    return key[:12]
+
+
+def is_called(key: str, text: str) -> bool:
+    """Whether a text is an id, or a beginning of it that nobody types by chance."""
+    return len(text) >= 4 and key.startswith(text.lower())
 
 
 def each_once(names: Sequence[str]) -> tuple[str, ...]:

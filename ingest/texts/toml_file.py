@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from ingest.errors import TomlError
-from ingest.texts import toml_lines
+from ingest.texts import toml_lines, toml_spans
 from ingest.texts.nearest import hint
 
 LARGEST = 4_000_000  # bytes; a bench with 5,000 channels has about 1 MB
@@ -109,12 +109,12 @@ NAME = Kind(  # of a node or boundary
 
 @dataclass(frozen=True)
 class TomlTable:
-    """One table of the file: a mapping that knows where it stands. `path` as in `toml_lines`; the root has `()`."""
+    """One table of the file: a mapping that knows where it stands. `path` as in `toml_spans`; the root has `()`."""
 
     file: str
     values: Mapping[str, Any]
-    path: toml_lines.Path = ()
-    lines: Mapping[toml_lines.Path, int] = field(default_factory=dict, repr=False)
+    path: toml_spans.Path = ()
+    lines: Mapping[toml_spans.Path, int] = field(default_factory=dict, repr=False)
     label: str = ""  # "[[channel]] 3 (signal "EW_A_3v")"
 
     def __contains__(self, key: str) -> bool:

@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from ingest.texts.names import handle
 from replay.cli.answer import Answer, provenance, store_folder
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ def run(args: argparse.Namespace) -> Answer:
         f"session {name}: goes on with model {model[:8]}: say --model {str(event.model)[:8]} to replay it."
         for name, model in done.elsewhere.items()
     ]
-    notes += [f"{one}: whyhot stale --redo asks it again" for one in in_use if f"d-{event.diagnosis[:12]}" in one]
+    notes += [f"{one}: whyhot stale --redo asks it again" for one in in_use if f"d-{handle(event.diagnosis)}" in one]
     return Answer(data, _text(data), notes=notes)
 
 

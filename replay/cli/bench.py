@@ -6,6 +6,7 @@ import argparse
 import shlex
 from pathlib import Path
 
+from ingest.texts.names import handle
 from replay.cli.answer import Answer, provenance, store_folder
 
 
@@ -34,7 +35,7 @@ def run(args: argparse.Namespace) -> Answer:
             "motor": bench.motor,
             "provenance": provenance(store),
         }
-    lines = [f"{args.out}   {bench.name} {bench.sha256[:12]}"]
+    lines = [f"{args.out}   {bench.name} {handle(bench.sha256)}"]
     if bench.motor:
         lines.append(f"next: {shlex.join(['whyhot', 'motor', 'export', bench.motor, '-o', f'{bench.motor}.toml'])}")
     return Answer(data, "\n".join(lines))

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ingest.texts.names import handle
 from replay.cli.answer import Answer, provenance, store_folder
 from replay.cli.asked import sessions_of
 
@@ -221,7 +222,7 @@ def _export(args: argparse.Namespace) -> Answer:
         _write(args.out, store.archive.read(model))
         motor = known.models[model].motor
         data = _data("export", provenance(store), file=str(args.out), motor=motor, model=model)
-    return Answer(data, f"{args.out}   {motor}, model {model[:12]}")
+    return Answer(data, f"{args.out}   {motor}, model {handle(model)}")
 
 
 def _network(args: argparse.Namespace) -> Network:

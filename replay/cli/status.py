@@ -5,6 +5,8 @@ from __future__ import annotations
 import shlex
 from pathlib import Path
 
+from ingest.texts.names import handle
+
 
 def status(folder: Path) -> str | None:
     """What the store in `folder` holds, what was last found, and the next command; None where there is no store."""
@@ -29,7 +31,7 @@ def status(folder: Path) -> str | None:
     held = f"{counted(len(known.sessions), 'session')}, {counted(motors, 'motor')}, {size / 1e6:.1f} MB"
     held += f" here and the files in {store.mark.files}" if store.mark.files else ""
     lines = [
-        f"whyhot {__version__} · store {folder} · {held} · head {head.position}:{head.root[:12]}",
+        f"whyhot {__version__} · store {folder} · {held} · head {head.position}:{handle(head.root)}",
         f"{counted(len(known.sessions) - len(waiting), 'session')} replayed, {len(waiting)} not yet",
     ]
     if known.diagnoses:

@@ -68,7 +68,7 @@ def utc(t_ns: Stamps) -> list[str]:
 
 
 def number(value: float, decimal: str = ".") -> str:
-    """As text, of NaN nothing."""
+    """A number as text; nothing for NaN."""
     return "" if isnan(value) else f"{value:.{DIGITS}g}".replace(".", decimal)
 
 

@@ -137,7 +137,7 @@ def _rows(columns: Sequence[tuple[Stamps, Values]]) -> Part:
 
 
 def _nth(t_ns: Stamps) -> Stamps:
-    """Of samples in the order of time, how many before each have its stamp."""
+    """How many samples before each have its stamp; all are in the order of time."""
     at = np.arange(len(t_ns))
     same = np.zeros(len(t_ns), np.bool_)
     same[1:] = t_ns[1:] == t_ns[:-1]

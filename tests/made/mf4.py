@@ -117,7 +117,7 @@ class Mf4:
 
 def in_small_parts(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Let readers take few records at once; how many bytes each reading takes, as they read."""
-    sizes = {"_mdf_records.WINDOW": 40, "_merged.MOST": 1, "_merged.LEAST": 1, "_joined_tables.ROWS": 2, "mf4.BATCH": 2}
+    sizes = {"_mdf_records.WINDOW": 40, "_merged.MOST": 1, "_merged.LEAST": 1, "BATCH_ROWS": 2, "mf4.BATCH": 2}
     for name, size in sizes.items():
         monkeypatch.setattr(f"ingest.formats.{name}", size)
     read, taken = FileBytes.read, list[int]()

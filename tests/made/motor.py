@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.compiled.kernel import Compiled, compile_network
-from twin.compiled.structure import parameters
+from twin.compiled.structure import described
 from twin.fitting import actions
 from twin.fitting.actions import Place
 from twin.fitting.model import Test
@@ -154,7 +154,7 @@ def compiled(network: Network) -> Compiled:
     """The kernel of a network, compiled once for each name: networks of one name differ in coefficients and
     capacities only."""
     _known.setdefault(network.name, network)
-    return replace(_compiled(network.name), network=network, parameters=parameters(network))
+    return replace(_compiled(network.name), network=network, parameters=described(network)[1])
 
 
 def truth(network: Network, drive: Drive, initial: Floats) -> Floats:

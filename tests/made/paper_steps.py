@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from made.law_heats import LawHeats, psi_at
 from twin.filters.inputs import READING_SD_K, Inputs
-from twin.paper.ekf_step import shares_of
+from twin.paper.rates import shares_of
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]

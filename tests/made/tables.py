@@ -9,7 +9,10 @@ import numpy as np
 
 from ingest.formats import Log, Rows, TimeSpec, open_log, recognise
 
-START_NS = 1_700_000_000_000_000_000
+S_NS = 1_000_000_000
+START_NS = 1_700_000_000 * S_NS
+MARCH_NS = 1_709_280_000 * S_NS  # 1 March 2024, 08:00 UTC
+DECEMBER_NS = 1_766_563_200 * S_NS  # 24 December 2025, 08:00 UTC
 # Of tables with the columns time (ISO 8601) and T; those that follow each other within a minute are one session.
 ONE_CHANNEL = """
 schema = "whyhot.bench/1"
@@ -23,6 +26,13 @@ quantity = "temperature"
 unit = "degC"
 node = "winding"
 """
+
+
+def table(folder: Path, text: str, name: str = "log.csv", encoding: str = "utf-8") -> Path:
+    """A log of this text."""
+    path = folder / name
+    path.write_bytes(text.encode(encoding))
+    return path
 
 
 def read(path: Path, spec: TimeSpec | None = None) -> tuple[Log, list[int], dict[str, list[Any]]]:

@@ -26,9 +26,6 @@ from numba.core.typeconv.castgraph import Conversion
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, lower_cast, models, overload, register_model
 from numba.np.arrayobj import populate_array
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
 
 LANES = 8  # numbers of the widest vectors there are
 

@@ -109,7 +109,7 @@ class Derivative:
         return self._names.get(text) or (f"({text})" if composed else text)
 
     def _unbracketed(self, node: ast.expr) -> str:
-        """The same at the head of a product, where a product needs no brackets."""
+        """The text of a node at the head of a product, where a product needs no brackets."""
         text = ast.unparse(node)
         if text not in self._names and isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult | ast.Div):
             return text
@@ -122,7 +122,7 @@ def negated(slope: str) -> str:
 
 
 def _product(first: str, second: str) -> str:
-    """Of two expressions; signs go in front, a factor of 1 goes."""
+    """The product of two expressions; signs go in front, a factor of 1 is left out."""
     if second.startswith("-"):
         return negated(_product(first, second.removeprefix("-")))
     if first in ("1.0", "-1.0"):
@@ -131,7 +131,7 @@ def _product(first: str, second: str) -> str:
 
 
 def _sum(first: str | None, second: str | None, minus: bool = False) -> str | None:
-    """Of two slopes, the second taken away where `minus`."""
+    """The sum of two slopes, or where `minus` their difference."""
     if second is not None and minus:
         second = negated(second)
     if first is None or second is None:

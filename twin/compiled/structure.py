@@ -128,11 +128,6 @@ def structure(network: Network) -> Structure:
     return described(network)[0]
 
 
-def parameters(network: Network) -> Parameters:
-    """The values of a checked network, in the order of its structure."""
-    return described(network)[1]
-
-
 def described(network: Network) -> tuple[Structure, Parameters]:
     """The indices of a checked network, and its values in their order."""
     column = {monomial: j for j, monomial in enumerate(features.monomials(network))}

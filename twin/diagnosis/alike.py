@@ -35,7 +35,7 @@ class Alike:
 
 
 def alike_moments(tests: Sequence[Test]) -> Iterator[Alike]:
-    """Of every two tests all settled moments; where there are none, the end of their common past."""
+    """All settled moments of every two tests; where there are none, the end of their common past."""
     largest = _largest(tests)
     held = [_held(test, largest) for test in tests]
     for first, second in combinations(range(len(tests)), 2):
@@ -99,6 +99,8 @@ def _common_past(pair: tuple[Test, Test], largest: Mapping[str, float]) -> tuple
         return None
     ours, theirs = _means(first, begins[0]), _means(second, begins[1])
     count = min(len(ours), len(theirs))
+    if count * WINDOW_S < HELD_S:
+        return None
     differ = (np.abs(ours[:count] - theirs[:count]) > _may_differ(first, ours, theirs, largest)).any(axis=1)
     windows = int(differ.argmax()) if differ.any() else count
     if windows * WINDOW_S < HELD_S:
@@ -121,7 +123,8 @@ def _means(test: Test, begin: int) -> Floats:
     inputs = [test.inputs[name] for name in sorted(test.inputs)]
     columns = np.column_stack([test.frame.boundaries, *inputs, test.frame.features])[begin:]
     whole = len(columns) // _window(test)
-    return columns[: whole * _window(test)].reshape(whole, _window(test), -1).mean(axis=1)
+    windows: Floats = columns[: whole * _window(test)].reshape(whole, _window(test), columns.shape[1])
+    return np.asarray(windows.mean(axis=1))
 
 
 def _may_differ(test: Test, ours: Floats, theirs: Floats, largest: Mapping[str, float]) -> Floats:

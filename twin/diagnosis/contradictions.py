@@ -41,7 +41,7 @@ class Contradiction:
 
 
 def contradictions(model: Model) -> list[Contradiction]:
-    """Of every two tests and channel the worst, those first that are furthest beyond what may be. Raises
+    """The worst of every two tests and channel, those first that are furthest beyond what may be. Raises
     `DivergedError`."""
     parts = {(p.series.session, p.series.channel): p for p in model.linearise(np.zeros(len(model.parameters)))}
     worst: dict[tuple[int, int, str], Contradiction] = {}

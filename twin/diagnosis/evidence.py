@@ -69,8 +69,8 @@ class Projector:
 
 @dataclass(frozen=True)
 class Scores:
-    """Of m candidates, each (m,): s and J as above, prior sd `sigma`, `sign` (0 unknown, else +1 or -1), and ln BF
-    against no such term."""
+    """The scores of m candidates, each (m,): s and J as above, prior sd `sigma`, `sign` (0 unknown, else +1 or -1), and
+    ln BF against no such term."""
 
     s: Array
     J: Array

@@ -27,12 +27,12 @@ class EvidenceSplit:
 
     @property
     def priors_relieved(self) -> float:
-        """Of all other parameters together."""
+        """What the priors of all other parameters are relieved of together."""
         return float(self.relieved.sum())
 
 
 def split(log_bayes_factor: float, found: Fit, without: Fit, place: int) -> EvidenceSplit:
-    """Of a term at `place` of the vector of the fit `found`, against the fit `without` it."""
+    """What the ln BF of a term comes from: at `place` of the fit `found`, against the fit `without` it."""
     relieved = _charges(without) - np.delete(_charges(found), place)
     fit = _misfit(without) - _misfit(found)
     return EvidenceSplit(fit, relieved, log_bayes_factor - fit - float(relieved.sum()))

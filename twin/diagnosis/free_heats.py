@@ -144,7 +144,7 @@ def _tents(model: Model, number: int, node: int) -> list[actions.HeatTent]:
 
 
 def knots_of(model: Model) -> Knots:
-    """Those of a model that has a map."""
+    """The knots of a model that has a map."""
     found = Knots.of(model.tests)
     assert found is not None, "a map was found over them"
     return found

@@ -36,8 +36,8 @@ class Knots:
 
     @classmethod
     def of(cls, tests: Sequence[Test]) -> Knots | None:
-        """Those that hold all steps of the tests; None where one of them has no speed or load, or another load than the
-        rest, or none ever turns."""
+        """The knots that hold all steps of the tests; None where one of them has no speed or load, or another load than
+        the rest, or none ever turns."""
         if not all("speed" in test.inputs and test.load.size for test in tests):
             return None
         if len({test.load_is_torque for test in tests}) > 1:

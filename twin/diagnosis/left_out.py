@@ -29,9 +29,9 @@ from twin.fitting.noise import log_det
 
 @dataclass(frozen=True)
 class LeftOut:
-    """Of every session, predicted from the others: `log_scores` (s,) ln predictive density, minus infinity where the
-    model without it runs away; `errors_K`: channel -> (s,) mean size of its error, not a number where the session does
-    not have the channel."""
+    """How well every session is predicted from the others: `log_scores` (s,) ln predictive density, minus infinity
+    where the model without it runs away; `errors_K`: channel -> (s,) mean size of its error, not a number where the
+    session does not have the channel."""
 
     log_scores: Floats
     errors_K: Mapping[str, Floats]

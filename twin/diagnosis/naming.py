@@ -16,7 +16,7 @@ make evidence do not make truth: there a term enters only where sessions, each p
 with it by more than the standard error of that, and together ask for it; of several the one with which they are
 nearest. The search ends where nothing more holds: the same sessions asked again and again wear out, and a gain within
 their scatter is what is left of them. A heat of any course says nothing of a session that is left out, so nothing is
-looked for beside it there, and a map over speed and load would only say again that the form is wrong. Fewer than four
+looked for beside it there; last they are asked about a loss over speed and load that no term has. Fewer than four
 sessions cannot judge; there the leading term is the only one.
 """
 
@@ -173,7 +173,7 @@ def search(
     first = scored(current, candidates)
     tell("looking for heat that no candidate explains")
     wrong = is_wrong_in_form(current.model)
-    found = Naming((first,), (), (), current, free_heats(current, not wrong), THRESHOLD, wrong_in_form=wrong)
+    found = Naming((first,), (), (), current, heats_of(current, wrong), THRESHOLD, wrong_in_form=wrong)
     judging = found.judged
     found = replace(found, threshold=found.needed if threshold is None else threshold)
     if not found.is_unknown:
@@ -184,6 +184,12 @@ def search(
     if found.is_unknown and not judging:
         return _beside_heat(found, candidates, model.parameters, tell)
     return _and_a_map(found, candidates, model.parameters, tell)
+
+
+def heats_of(current: Fit, wrong_in_form: bool) -> tuple[FreeHeat, ...]:
+    """The free heats about a fit, highest ln BF first. Without maps where the file's form is wrong: evidence for one
+    would only say so again, and sessions left out are asked instead (`_and_a_map`)."""
+    return free_heats(current, maps=not wrong_in_form)
 
 
 def _and_a_map(found: Naming, candidates: Sequence[Candidate], stated: Sequence[Parameter], tell: Tell) -> Naming:

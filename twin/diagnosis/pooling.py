@@ -36,8 +36,8 @@ POOLED_FROM = 5  # members: fewer say little of their family
 
 
 def kinds(network: Network) -> list[str]:
-    """Of every term of the network whether it is of `films` (links to a fluid or boundary, or whose law has features),
-    of `conduction`, or of `losses`."""
+    """The kind of every term of the network: `films` (links to a fluid or boundary, or whose law has features),
+    `conduction`, or `losses`."""
     solid = {node.name for node in network.nodes if node.region != "fluid"}
     found = []
     for link in network.links:
@@ -47,7 +47,7 @@ def kinds(network: Network) -> list[str]:
 
 
 def regions(network: Network) -> list[str]:
-    """Of every term of the network the region where its loss arises; of links "" stands."""
+    """The region where the loss of every term of the network arises; "" for terms of links."""
     region = {node.name: node.region for node in network.nodes}
     links = [""] * sum(len(link.terms) for link in network.links)
     return links + [region[source.node] for source in network.sources for _ in source.terms]

@@ -27,11 +27,10 @@ from twin.fitting.model import Floats
 from twin.motor.sensor_laws import Misreading
 
 THRESHOLD = 12.0  # ln BF that a term must exceed by evidence alone: healthy motors of another form come up to it
-EVIDENT = (
-    6.0  # ln BF of what else is looked for: a heat beside what is named, a term that sessions left out ask for too
-)
-REFITTED, WORTH_REFITTING = 5, 4.0  # how many, and from which linear ln BF on
-ASKED_ABOUT = 8  # of them, where sessions left out judge
+# ln BF of what else is looked for: a heat beside what is named, a term that sessions left out ask for too
+EVIDENT = 6.0
+REFITTED, WORTH_REFITTING = 5, 4.0  # how many candidates of a round are refitted, and from which linear ln BF on
+ASKED_ABOUT = 8  # candidates that are refitted in place of these where sessions left out judge
 FAR_BEHIND = 10.0  # behind the leading one in linear ln BF: not refitted
 FIRST_LINEARISATIONS, REFIT_LINEARISATIONS = 4, 15  # of every refit, and of those that may still come near the best
 OUT_OF_REACH = 6.0  # a search stops that promises to stay so far behind the best: twice what tells two apart
@@ -249,7 +248,7 @@ def _misread(refit: Refit) -> int | None:
 
 
 def _each_once(refits: Sequence[Refit]) -> tuple[Refit, ...]:
-    """Of a candidate that was refitted from two places, the better refit."""
+    """The refits, of a candidate that was refitted from two places the better one."""
     better = {one.candidate.cause: one for one in sorted(refits, key=lambda refit: refit.log_bayes_factor)}
     return tuple(one for one in refits if better[one.candidate.cause] is one)
 
@@ -264,7 +263,7 @@ def _leading(found: Round, judging: bool) -> list[_Leading]:
 
 
 def _leading_at(found: Round, beta: Floats) -> list[_Leading]:
-    """The one that leads at a vector; none where the model runs away there."""
+    """The candidate that leads at a vector; none where the model runs away there."""
     try:
         there = weighed(fit(found.base.model, beta, linearisations=1), found.candidates)
     except DivergedError:

@@ -109,7 +109,7 @@ def telling_test(found: Round, candidate: Candidate) -> str | None:
 
 
 def _best_test(found: Round, at: Sequence[int], enough: float) -> str | None:
-    """Of the menu's tests that reach `enough` in ln BF, the one that gains most an hour."""
+    """The test of the menu that gains most an hour, among those that reach `enough` in ln BF."""
     amplitude = float(_refitted(found)[1][at[0]])
     base = found.base
     recorded = _Recorded.of(found, at)

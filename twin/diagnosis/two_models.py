@@ -23,7 +23,7 @@ from twin.motor.network import LOADS
 SPEEDS, LOADED = (0.25, 0.5, 0.75, 1.0), (0.0, 0.7, 1.4)  # of the highest speed, of the load's root mean square
 STEP_S = 10.0  # of an hour at one point: only its end counts
 NEAR_SPEED = 0.05  # of the highest speed: no point is above the largest load that was recorded so near
-HOTTER_K = 20.0  # than it ever was in the tests no node becomes at a point
+HOTTER_K = 20.0  # than it ever was in the tests no node becomes that nothing limits
 TELLS = 3.0  # times what a sensor may be off: so far apart two models are told apart
 
 

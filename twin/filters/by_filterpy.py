@@ -30,7 +30,7 @@ class Apart:
 
 
 def apart(inputs: Inputs, ours: Estimate) -> Apart:
-    """Of `ours`, the estimate from these inputs."""
+    """How far filterpy is from `ours`, the estimate from these inputs."""
     n, temperature_K, sd_K = len(inputs.network.nodes), 0.0, 0.0
     for k, (x, P) in enumerate(by_filterpy(inputs), 1):
         temperature_K = max(temperature_K, float(np.abs(x[:n] - ours.temperatures[k]).max()))

@@ -148,7 +148,7 @@ class FilterCourse(NamedTuple):
     innovations: Floats
 
     def of(self, block: slice) -> FilterCourse:
-        """Of a block of steps, with the edge behind it."""
+        """The course over a block of steps, with the edge behind it."""
         edges = slice(block.start, block.stop + 1)
         return FilterCourse(self.states[edges], self.spreads[edges], self.innovations[block])
 
@@ -200,7 +200,7 @@ def estimate_of(inputs: Inputs, found: FilterCourse, covariance: Floats, log_lik
 
 
 def columns_of(array: Floats, which: Sequence[int]) -> Floats:
-    """These columns of `array`: itself where they are all of them, in their order."""
+    """Columns of `array`: itself where they are all of them, in their order."""
     return array if list(which) == list(range(array.shape[1])) else array[:, list(which)]
 
 

@@ -27,7 +27,7 @@ u = np.uint64  # numba then asks of no index whether it counts from the end
 
 
 class Matrix(Protocol):
-    """Of a `Plan` or another form: what `eliminate` takes."""
+    """What `eliminate` takes of a `Plan` or of another form."""
 
     @property
     def n(self) -> int: ...

@@ -138,7 +138,7 @@ def _spread(unknown: Unknown) -> tuple[float, float]:
 
 
 def variances(unknowns: Sequence[Unknown], order: Sequence[int], step_s: float) -> tuple[list[float], list[float]]:
-    """Of each unknown, in `order`: its variance at the start, and what a step adds to it."""
+    """Variances of the unknowns, in `order`: at the start, and what a step adds."""
     spreads = [_spread(unknowns[i]) for i in order]
     return [sd**2 for sd, _ in spreads], [walk**2 * step_s for _, walk in spreads]
 

@@ -102,7 +102,7 @@ class Drive:
         return tent * self.test.inputs["current"] if current else tent
 
     def _share_of_bias(self, feature: str, scale: float) -> Floats:
-        """Of the input that a bias of 1 stored unit is; none where the input is too small to be told from 0."""
+        """The share of an input that a bias of 1 stored unit is; 0 where the input is too small to be told from 0."""
         u = self.test.inputs[feature]
         return np.where(u > LEAST_INPUT, 1 / (scale * np.maximum(u, LEAST_INPUT)), 0.0)
 

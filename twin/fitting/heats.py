@@ -33,7 +33,8 @@ Kind = Literal[
 
 
 class Heats:
-    """Of `wanted` (column, action, its place in the circuit's own vector or NOBODY): made once, for any vector.
+    """What the actions `wanted` (column, action, place in the circuit's own vector or NOBODY) bring into the circuit as
+    heats and change of its start: made once, for any vector.
 
     `heated` (H,): columns that bring heat, in rising order; the `loads` count them, and leave others out. `started`
     (S,): those that change the start alone; each is a mixture, by `shares` (K, S), of K starts that are marched for all

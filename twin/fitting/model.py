@@ -182,7 +182,7 @@ class Model:
         return self._marches[test].circuit.run(beta)
 
     def _each(self, what: Callable[[int], T]) -> list[T]:
-        """Of every test, two at a time, the longest first."""
+        """The answer for every test, worked out for two at a time, the longest first."""
         order = sorted(range(len(self.tests)), key=lambda s: -len(self.tests[s].frame.features))
         with ThreadPoolExecutor(2) as pool:
             found = dict(zip(order, pool.map(what, order), strict=True))
@@ -208,7 +208,7 @@ class _March:
         return [one.series() for one in self.readings(ran)]
 
     def columns(self, ran: CircuitRun, at: Sequence[int], extra: Sequence[Parameter]) -> list[Columns]:
-        """Of the parameters at these places of the vector, and of others at zero."""
+        """Columns of the parameters at places of the vector, and of `extra` ones at zero."""
         circuit, sensing = self.circuit, self.sensing
         action_at = dict(circuit.active)
         wanted: list[tuple[int, Action, int]] = [(j, action_at[p], p) for j, p in enumerate(at)]
@@ -233,7 +233,7 @@ class _March:
 
 
 def _through_temperatures(ran: CircuitRun, readings: Sequence[Readings], heats: Heats, total: int) -> list[Floats]:
-    """Of each channel and meter (B, total): what its block means change by through the temperatures that it reads."""
+    """What the block means of each channel and meter change by through the temperatures that it reads (B, total)."""
     march, starts = ran.march, len(heats.shares)
     sensors, steps = [one.sensor for one in readings], len(march.means)
     columns = sparse_march.MarchedColumns(march.program, march.storage, sensors, heats.loads, heats.begin, steps)

@@ -99,7 +99,7 @@ def _read_first(mean: Floats, covariance: Floats, y: Floats, sd: Floats) -> tupl
 
 
 def _read(mean: Floats, covariance: Floats, y: Floats, sd: Floats) -> tuple[Floats, Floats]:
-    """The same with a later check."""
+    """Mean and covariance of the state with one more check."""
     spread = covariance @ READS
     gain = spread / (spread @ READS + sd**2)[:, None]
     keep = np.eye(3) - gain[:, :, None] * READS

@@ -33,12 +33,18 @@ EXAMPLES = (*QUANTITY, "flow_jacket", "hours_above_180degC")  # of every kind of
 STREAM_DEGC = 20.0  # where the coefficient of a stream holds
 LPM_PER_M3_PER_S = 60_000.0
 _FLOW = re.compile(r"flow_[a-z][a-z0-9_]*")
-_HOURS = re.compile(r"hours_above_\d+(\.\d+)?degC")
+_HOURS = re.compile(r"hours_above_(\d+(?:\.\d+)?)degC")
 
 
 def is_known(feature: str) -> bool:
     """Whether `feature` is a name that a term may use."""
     return feature in QUANTITY or bool(_FLOW.fullmatch(feature) or _HOURS.fullmatch(feature))
+
+
+def above_degC(feature: str) -> float | None:
+    """The temperature above which a feature counts hours [degC]; None where it counts none."""
+    hours = _HOURS.fullmatch(feature)
+    return float(hours[1]) if hours else None
 
 
 def quantity(feature: str) -> str | None:

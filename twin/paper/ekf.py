@@ -34,21 +34,8 @@ from twin.filters.plan import entry_at, x_at
 from twin.filters.readings import ReadingsPlan, correct, readings_of, row_of
 from twin.filters.unknowns import Unknown
 from twin.motor.network import Network
-from twin.paper.ekf_step import (
-    Rates,
-    amounts_of,
-    cell_of,
-    change,
-    laws_of,
-    linearised,
-    metered,
-    rates_of,
-    reads,
-    share_at,
-    shares_of,
-    solve,
-    spread,
-)
+from twin.paper.ekf_step import amounts_of, change, laws_of, linearised, metered, reads, solve, spread
+from twin.paper.rates import Rates, cell_of, rates_of, share_at, shares_of
 from twin.run.simulate import Frame
 
 Floats = NDArray[np.float64]

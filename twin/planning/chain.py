@@ -88,14 +88,14 @@ class ObservedStep:
 
 @dataclass(frozen=True)
 class Best:
-    """Of each candidate (m,): `what` raises d of its prior size most, and that `d`."""
+    """For each candidate (m,) `what` raises d of its prior size most, and that `d`."""
 
     what: tuple[str, ...]
     d: Floats
 
     @classmethod
     def of(cls, each: Mapping[str, Floats], at_least: Floats) -> Best:
-        """Of what raises d to what; "" where nothing raises it above `at_least`."""
+        """The best of `each` that raises d, by name; "" where none raises it above `at_least`."""
         names = ["", *each]
         ds = np.array([at_least * (1 + 1e-6), *each.values()])
         place = ds.argmax(axis=0)
@@ -104,9 +104,10 @@ class Best:
 
 @dataclass(frozen=True)
 class Promise:
-    """Of each candidate (m,): d of its prior size `before` the day and `after` it; with the one test that shows it
-    best, beside the recorded ones, with the one thing more to observe that shows it best, beside the day, and where all
-    of them are observed. `since_before`: without the day, where the recorded tests had been run once before it came."""
+    """What a day promises of each candidate (m,): d of its prior size `before` the day and `after` it; with the one
+    test that shows it best, beside the recorded ones, with the one thing more to observe that shows it best, beside the
+    day, and where all of them are observed. `since_before`: without the day, where the recorded tests had been run once
+    before it came."""
 
     before: Floats
     after: Floats
@@ -220,7 +221,7 @@ class _Weighing:
         return {one.proposed.words: one.d for one in self.leading}
 
     def chain(self) -> tuple[DayStep, ...]:
-        """Of the leading tests the best, given that the next best, and so on; one may be run again."""
+        """The best of the leading tests, the best given that one, and so on; one may be run again."""
         steps: list[DayStep] = []
         known, told, ds = self.known, self.told, {i: one.d for i, one in enumerate(self.leading)}
         hours = [_hours(len(one.proposed.speed)) for one in self.leading]

@@ -120,7 +120,7 @@ class Untried:
                 yield part.series.channel, _white(self.model, part, range(len(self.beta)))
 
     def _without_own(self, made: Gathered) -> Gathered:
-        """Of all candidates, from products with those that are made."""
+        """What is gathered of all candidates, from products with those that are made."""
         shared, place, times = len(self.ground.shared), self._multiples.place, self._multiples.times
         cross = np.hstack([made.gram, made.cross])[:, place] * times
         square = np.append(np.diag(made.gram), made.square)[place] * times**2

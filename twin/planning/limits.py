@@ -9,6 +9,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from twin.diagnosis.next_tests import read_throughout
+from twin.diagnosis.two_models import HOTTER_K
 from twin.fitting.model import Floats, Model
 from twin.fitting.recorded import RecordedChannel
 from twin.motor.network import Network
@@ -16,7 +17,6 @@ from twin.motor.sensor import Sensor
 from twin.planning.gathered import Untried
 
 Z95 = 1.96
-HOTTER_K = 20.0  # than it ever was no node of a motor file without limits may become
 
 
 @dataclass(frozen=True)

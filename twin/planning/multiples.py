@@ -20,8 +20,8 @@ Courses = Mapping[str, tuple[bytes, float]]  # of a product of features: how it 
 
 @dataclass(frozen=True)
 class Multiples:
-    """Of each candidate (m,): so many `times` (m,) what stands at a `place` (m,) among the vector's parameters (P,) and
-    the candidates `made` (k,) behind them."""
+    """Candidates (m,) as multiples: each is `times` (m,) what stands at its `place` (m,) among the vector's parameters
+    (P,) and the candidates `made` (k,) behind them."""
 
     made: tuple[Parameter, ...]
     place: NDArray[np.intp]
@@ -58,6 +58,6 @@ def _kind(action: Action, courses: Courses) -> tuple[Hashable, float]:
 
 
 def _course(row: Floats) -> tuple[bytes, float]:
-    """Of a row of `Courses`; of one that is 0 throughout, any size does."""
+    """Form and size of a row of `Courses`; the size of one that is 0 throughout is 1."""
     most = float(np.abs(row).max()) or 1.0
     return (row / most).tobytes(), most

@@ -196,7 +196,7 @@ class ColumnSensor:
 
     @classmethod
     def thermometer(cls, weights: Floats, time_constant_s: float, step_s: float) -> ColumnSensor:
-        """Of nodes by `weights` (n,), through a first-order lag; in equilibrium at the start."""
+        """A thermometer of nodes by `weights` (n,), with a first-order lag; in equilibrium at the start."""
         return cls(weights, *(lag_factors(time_constant_s, step_s) if time_constant_s > 0 else ()))
 
     @classmethod

@@ -29,18 +29,12 @@ from analytics.insulation.checks.strays import strayed
 from analytics.insulation.checks.trace import CheckTrace, Loaded, unusable_sensors
 from analytics.insulation.checks.zero import of_one_zero
 
-__all__ = ["CheckResistance", "CheckTrace", "ResistanceEstimate", "Together", "evaluate", "evaluate_together"]
+__all__ = ["CheckResistance", "CheckTrace", "ResistanceEstimate", "Together", "evaluate_together"]
 
 LEAST_SENSORS_SHARE = 0.5  # of the copper sensors that all checks of a specimen have to keep
 ENOUGH_SHARE = 0.75  # of the checks of a specimen that a route has to serve
 LEAST_COURSE = 8  # checks that say how much they scatter
 MEDIAN = 0.6745  # of the size of a standard normal variable
-
-
-def evaluate(trace: CheckTrace) -> CheckResistance:
-    """The resistance of one check by the first route that serves. With an iron sensor it is the plain mean of a
-    steady check's last 10 min to within 1 %."""
-    return evaluate_by(read(trace, unusable_sensors(trace)), ROUTES)
 
 
 def evaluate_together(traces: Sequence[CheckTrace], first: Sequence[Together] = ()) -> tuple[CheckResistance, ...]:

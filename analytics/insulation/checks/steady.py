@@ -67,7 +67,7 @@ class Settled:
 
     @property
     def lost(self) -> Flags:
-        """Of which series the end cannot be told."""
+        """Whether the end of each series cannot be told."""
         return np.asarray(self.sd > LOST_SHARE * np.abs(self.rise))
 
 
@@ -147,8 +147,8 @@ def _intercept(x: Floats, y: Floats) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class _Fit:
-    """Of k series for one tau and r: `asymptote` (k,) Y, `slow` (k,) -B, `squares` (k,) with the prior's, `residual`
-    (n, k), and the variance of Y for noise of 1."""
+    """The fit of k series for one tau and r: `asymptote` (k,) Y, `slow` (k,) -B, `squares` (k,) with the prior's,
+    `residual` (n, k), and the variance of Y for noise of 1."""
 
     asymptote: Floats
     slow: Floats

@@ -223,7 +223,7 @@ class _OddCheck:
         return cls(errors, y, np.arange(n + 1), row, pull, np.asarray(ln_prior + gained / 2, np.float64))
 
     def likely(self, given: Courses) -> _OddCheck:
-        """The same without the cases that are improbable with the courses `given`, a coarse grid."""
+        """Only the cases that are probable with the courses `given`, a coarse grid."""
         ln = _ln_sum(np.vstack([self.ln_none, self.ln_weights(given)]))
         keep = (ln > ln.max() + math.log(ODD_LIKELY)) | (self.place == len(self.y))
         return replace(
@@ -311,7 +311,7 @@ class _Evidence:
 
     @cached_property
     def precision(self) -> Floats:
-        """Of each course's amplitudes (2, 2, a, 1), the same for every series."""
+        """Inverse covariance of each course's amplitudes (2, 2, a, 1), the same for every series."""
         return _precision(self.rows)[..., None]
 
     def amplitudes(self, white: Floats) -> _Amplitudes:

@@ -63,7 +63,7 @@ class HealthySlopes:
         )
 
     def scores_of_newcomers(self, off: Floats, variance: Floats) -> Floats:
-        """The same for other specimens (any number,), by all that was learnt from."""
+        """Scores of specimens (any number,) that nothing was learnt from."""
         return self._quantiles(off, variance, self.ln_weight[:, None])
 
     def without(self, place: int) -> HealthySlopes:

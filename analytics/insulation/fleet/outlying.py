@@ -163,7 +163,7 @@ class _Rows:
         return cls(who, dose, _without_bends(who, dose, y, s), s)
 
     def slopes(self, specimens: int) -> Slopes:
-        """Of all specimens: the slope is 0 and its sd infinite where one has no check."""
+        """The slopes of all specimens; of one without a check 0 with an infinite sd."""
         present, code = np.unique(self.who, return_inverse=True)
         found = slopes(code, self.dose, self.y, self.sd)
         slope, error, factor = np.zeros(specimens), np.full(specimens, np.inf), np.ones(specimens)

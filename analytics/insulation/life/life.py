@@ -50,7 +50,7 @@ class LifeTable:
         return LifeTable(self.temperature_degC[chosen], self.lower_h[chosen], self.upper_h[chosen], self.counts[chosen])
 
     def units(self) -> LifeTable:
-        """The same with one row for each specimen."""
+        """The table with one row for each specimen."""
         each = self.at(np.repeat(np.arange(self.counts.size), self.counts.astype(np.int64)))
         return replace(each, counts=np.ones(each.counts.size))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from ingest.errors import UnknownSessionError
 from ingest.facts.events import BenchRegistered
 from ingest.facts.facts import Facts
+from ingest.texts.names import handle
 from replay.errors import ReplayDataError
 
 
@@ -22,6 +23,6 @@ def current_bench(facts: Facts, text: str) -> BenchRegistered:
         found = [bench.sha256] if bench else []
     if len(found) == 1:
         return facts.benches[found[0]]
-    known = ", ".join(f"{one.name} {sha256[:12]}" for sha256, one in facts.benches.items()) or "none"
+    known = ", ".join(f"{one.name} {handle(sha256)}" for sha256, one in facts.benches.items()) or "none"
     why = "is not one bench file" if found else "is no bench file, nor a session that has one,"
     raise ReplayDataError(f'bench file "{text}" {why} of this store. Known: {known}. Or name a session.')

@@ -24,7 +24,7 @@ def changes(before: bytes, after: bytes) -> list[str]:
 
 
 def _tables(lines: Sequence[str]) -> list[str]:
-    """Of each line the first two lines of the table that it stands in; "" before the first table."""
+    """The first two lines of the table that each line stands in; "" before the first table."""
     found, table = list[str](), ""
     for k, line in enumerate(lines):
         if line.startswith("["):

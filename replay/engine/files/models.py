@@ -10,6 +10,7 @@ from ingest.facts.events import ModelPublished, MotorRegistered, SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from ingest.intake.setup import MotorFile
+from ingest.texts.names import handle
 from ingest.texts.nearest import hint
 from replay.engine.files.motor_file import read_motor
 from replay.engine.files.motor_maps import whole
@@ -54,7 +55,7 @@ def find_model(facts: Facts, text: str, or_file: bool = True) -> str:
     found = [model for model in facts.models if model.startswith(text)]
     if len(found) == 1:
         return found[0]
-    known = ", ".join(f"{event.motor} {model[:12]}" for model, event in facts.models.items()) or "none"
+    known = ", ".join(f"{event.motor} {handle(model)}" for model, event in facts.models.items()) or "none"
     near = hint(text, {event.motor for event in facts.models.values()}) if not found else ""
     why = "is not one model" if found else "is no model"
     more = " Or give a motor file (ends in .toml)." if or_file else ""

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from ingest.errors import TomlError
 from ingest.texts.toml_file import TomlTable, read
+from ingest.texts.toml_spans import spans
 from replay.engine.files.motor_file import SCHEMA, read_motor
-from replay.engine.files.toml_spans import spans
 from replay.errors import MotorFileError
 from twin.motor.network import Network
 

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from typing import Any
 
+from ingest.texts.toml_spans import spans
 from replay.engine.files.motor_file import SCALES, read_motor
 from replay.engine.files.toml_edit import edited
-from replay.engine.files.toml_spans import spans
 from replay.errors import MotorFileError
 from twin.motor.ageing_law import Ageing, AgeingTerm, is_insulation, with_ageing
 from twin.motor.configured import restored

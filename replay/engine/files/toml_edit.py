@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from replay.engine.files.toml_spans import Path, spans
+from ingest.texts.toml_spans import Path, spans
 
 WIDTH = 110  # characters; an added line that would be longer is written as several
 

@@ -45,8 +45,7 @@ def imported(module: str) -> set[str]:
     found = set(_IMPORT.findall(text))
     for package, many, few in _FROM.findall(text):
         names = re.sub(r"#.*| as \w+", "", many or few).replace(",", " ").split()
-        submodules = {f"{package}.{name}" for name in names if _file(f"{package}.{name}").is_file()}
-        found |= submodules or {package}
+        found |= {one if _file(one := f"{package}.{name}").is_file() else package for name in names}
     return {name for name in found if _file(name).is_file()}  # a verb may do without a part that is not installed
 
 

@@ -12,6 +12,7 @@ from ingest.catalogue.power import balance
 from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
+from ingest.texts.names import handle
 from replay.engine.results.as_read import with_errors_as_recorded
 from replay.engine.results.filtered import Estimated, filter_summary
 from replay.engine.results.heat_account import efficiency_of, heat_balance
@@ -83,4 +84,4 @@ def _deratings(store: Store, facts: Facts, session: SessionRecorded) -> Sequence
     if session.bench is None:
         return ()
     sha256 = facts.current(session.bench)
-    return read_bench(store.archive.read(sha256), sha256[:12]).deratings
+    return read_bench(store.archive.read(sha256), handle(sha256)).deratings

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -23,12 +22,11 @@ from replay.engine.specimen.heat_history import HEATED, Trace, doses, in_order, 
 from replay.errors import ReplayDataError
 from twin.insulation.ageing_state import Check, State, by_law, filtered, onwards
 from twin.motor.ageing_law import Ageing, AgeingPlace, aged, ageing_places, insulation_law
-from twin.motor.features import monomials
+from twin.motor.features import above_degC, monomials
 from twin.motor.network import Network
 
 LAW = "law"
 DIGITS = 9  # behind the point, of what a run's key holds; the network has the same factor
-_HOURS = re.compile(r"hours_above_(.+)degC")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,7 +129,8 @@ def states_left(specimens: Sequence[Sequence[Check | None]], law: Ageing) -> lis
 
 def _hour_features(network: Network) -> dict[str, float]:
     """Feature -> its temperature [degC]."""
-    return {f: float(found[1]) for m in monomials(network) for f in m.features if (found := _HOURS.fullmatch(f))}
+    found = {f: above_degC(f) for m in monomials(network) for f in m.features}
+    return {f: degC for f, degC in found.items() if degC is not None}
 
 
 def _before(facts: Facts, session: SessionRecorded) -> tuple[list[SessionRecorded], bool]:
@@ -222,7 +221,7 @@ def _aged(place: AgeingPlace, dose_h: float, left: _Left | None) -> Aged:
 
 
 def _together(each: Iterable[Aged]) -> list[Aged]:
-    """Those of one place each that are equally old as one of several places."""
+    """Ages of one place each as ages of several places: those that are equally old as one."""
     found: list[Aged] = []
     for one in each:
         like = next((other for other in found if replace(one, places=other.places) == other), None)

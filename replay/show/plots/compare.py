@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from replay.engine.results.run import Observed, Run
 from replay.show.plots.plots import (
@@ -45,8 +44,6 @@ from replay.show.words.figure import (
 )
 from replay.show.words.findings import MOVED_K
 from replay.show.words.palette import DASHES, INK, PAPER, SERIES, SOFT
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -117,7 +117,7 @@ def write_diagnosis(
 
 
 def write_sealed_diagnosis(store: Store, facts: Facts, diagnosis: Diagnosis, target: Path, command: str) -> None:
-    """The same with the runs that there are: nothing is replayed, and nothing written into the store."""
+    """The report of a diagnosis with the runs that there are: nothing is replayed, nothing written into the store."""
     sealed = {(event.session, event.model): event for event in facts.runs.values() if event.level == diagnosis.level}
     models = dict(zip(MODELS, _models(diagnosis), strict=True))
     runs = {

@@ -14,6 +14,7 @@ import numpy as np
 from ingest.facts.events import DiagnosisCompleted, ReplayCompleted
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
+from ingest.texts.names import handle
 from replay.engine.results.run import Run
 from replay.engine.results.sealed import load_run
 from replay.engine.runs.sources import code_of
@@ -28,7 +29,6 @@ from replay.show.reports.documents import (
 )
 from replay.show.reports.report import write_report
 from replay.show.reports.site import Course, PageWanted
-from replay.studies.diagnosis.accept import SHORT
 
 AGEING = "ageing.html"
 COMMAND = "whyhot index"
@@ -36,13 +36,13 @@ COLUMNS = 80  # of a course in the index
 
 
 def session_path(session: str) -> str:
-    """Of the report of a session's replay with its current motor file."""
+    """Where the report of a session's replay with its current motor file lies."""
     return f"sessions/{session}.html"
 
 
 def diagnosis_path(diagnosis: str) -> str:
-    """Of the report of a diagnosis."""
-    return f"diagnoses/d-{diagnosis[:SHORT]}.html"
+    """Where the report of a diagnosis lies."""
+    return f"diagnoses/d-{handle(diagnosis)}.html"
 
 
 def wanted(store: Store, facts: Facts) -> dict[str, PageWanted]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from ingest.texts.names import handle
 from replay.show.verbs.backup import removed
 from replay.show.words.terminal import labelled
 from replay.show.words.words import counted, joined, short
@@ -40,7 +41,7 @@ def put_right_text(label: str, done: PutRight, reason: str, stale: StaleAnswers)
 
 
 def forgotten_json(found: ForgottenLogs, reason: str, stale: StaleAnswers) -> dict[str, Any]:
-    """As of what was taken back; `removed`: what is gone now, `before`: of logs that were forgotten already."""
+    """As `put_right_json`; `removed`: what is gone now, `before`: of logs that were forgotten already."""
     put_right = put_right_json(found.done, reason, stale)
     return {**put_right, "removed": found.swept._asdict(), "before": list(found.before)}
 
@@ -98,7 +99,8 @@ def redone_text(done: Sequence[Redone], left: StaleAnswers) -> str:
 
 
 def _called(one: Redone) -> str:
-    return f"diagnosis d-{str(one.new)[:12]}" if one.old.kind == "diagnosis" else f"{one.old.kind} {str(one.new)[:12]}"
+    own = handle(str(one.new))
+    return f"diagnosis d-{own}" if one.old.kind == "diagnosis" else f"{one.old.kind} {own}"
 
 
 def _stale_lines(stale: StaleAnswers) -> Iterator[str]:

@@ -9,6 +9,7 @@ from typing import Any
 from ingest.catalogue.quality import seconds
 from ingest.facts.events import DecodeCompleted, QualityFlagged, SessionRecorded
 from ingest.intake.intake import Intake, Taken
+from ingest.texts.names import handle
 from replay.show.words.words import joined, size
 
 REPEATED = ("held", "stuck", "saturated")  # flags of a channel that gives one value again and again
@@ -59,7 +60,7 @@ def intake_text(intake: Intake) -> str:
 
 def _lines(intake: Intake, taken: Taken, decode: DecodeCompleted) -> list[str]:
     balance = decode.balance
-    state = f"sealed {taken.raw[:12]}"
+    state = f"sealed {handle(taken.raw)}"
     if taken.known:
         state = f"already in the store, {'its session anew' if taken.anew else 'nothing new'}"
     if decode.outcome == "quarantined":

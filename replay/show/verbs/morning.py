@@ -195,11 +195,6 @@ def driven(points: OperatingPoints) -> str:
     return f"{'; '.join(told)}; {words.counted(len(cells), 'cell')} in all"
 
 
-def _place(x: float, y: float, units: Sequence[str]) -> str:
-    place = f"{words.number(x)} {units[0]} {words.number(y)} {units[1]}"
-    return place.replace("-", "−") if x or y else "at rest"
-
-
 def before(found: Before) -> str:
     """What differs from the last run of the same test."""
     comparison, one = found.comparison, found.name

@@ -12,11 +12,11 @@ from replay.show.words.terminal import labelled
 from replay.show.words.width import width
 from replay.studies.planning.plan import Planned
 from twin.diagnosis.told_apart import STANDS_OUT
+from twin.diagnosis.two_models import HOTTER_K
 from twin.differences.proposals import at_one
 from twin.motor.outputs import BLOCK_S
 from twin.planning.chain import Best
 from twin.planning.detectable import Detectable
-from twin.planning.limits import HOTTER_K
 
 UNMEASURED = (
     "nothing was measured yet: what a healthy motor may do is as wide as the motor file says, noise as wide as before "

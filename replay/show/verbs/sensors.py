@@ -11,7 +11,8 @@ from ingest.catalogue.page import table
 from replay.show.words import words
 from replay.show.words.terminal import labelled
 from replay.show.words.width import width
-from replay.studies.characterise.sensors import LEAST_OTHERS, TOLERATED_K, Worth, student
+from replay.studies.characterise.bands import LEAST_OTHERS, student
+from replay.studies.characterise.sensors import TOLERATED_K, Worth
 
 LEAST_COVERED = 0.9  # coverage of a 95 % band below which it is said to be too narrow
 

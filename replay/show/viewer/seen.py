@@ -88,7 +88,7 @@ class SessionSeen:
         return by.size > 0 and float(by.mean()) >= MOVED_K
 
     def label(self, role: str) -> str:
-        """As a reader calls the model of `role`, with the level that it started from where others have another."""
+        """What a reader calls the model of `role`, with the level that it started from where others have another."""
         called = MODELS[role].label if len(self.runs) > 1 else "model"
         alike = len({run.level for run in self.runs.values()}) == 1
         return called if alike else f"{called} ({self.runs[role].level})"

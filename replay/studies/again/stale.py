@@ -22,10 +22,10 @@ from ingest.facts.events import (
 )
 from ingest.facts.facts import Facts
 from ingest.facts.ledger_row import Recorded
+from ingest.texts.names import handle
 from replay.engine.files.bench_versions import MADE
 from replay.studies.ageing.assess import is_of_now
 
-SHORT = 12
 Answer = ReplayCompleted | CalibrationCompleted | DiagnosisCompleted | AgeingAssessed
 KINDS = {
     ReplayCompleted: "replay",
@@ -113,7 +113,7 @@ class _Look:
         self.of_now: set[Any] = set()  # questions, each with the model of an answer that is not stale
         self.answered: dict[Any, Stale] = {}
         back = (model for one in facts.retractions.values() for model in one.event.models)
-        self.back = {model: f"model {model[:SHORT]} was taken back" for model in back}
+        self.back = {model: f"model {handle(model)} was taken back" for model in back}
         self.models = dict(self.back)
 
     def at(self, event: Answer, found: dict[Any, Stale]) -> None:
@@ -141,9 +141,9 @@ class _Look:
 
     def in_use(self, accepted: CauseAccepted) -> str:
         files = [
-            f"{what} {one[:SHORT]}" for what, one in (("model", accepted.model), ("bench file", accepted.bench)) if one
+            f"{what} {handle(one)}" for what, one in (("model", accepted.model), ("bench file", accepted.bench)) if one
         ]
-        name = f"d-{accepted.diagnosis[:SHORT]}"
+        name = f"d-{handle(accepted.diagnosis)}"
         return f"{' and '.join(files)}, accepted from {name}: {self.whys[accepted.diagnosis]}"
 
     def _asked(self, event: Answer) -> _Asked:
@@ -151,16 +151,16 @@ class _Look:
             case ReplayCompleted():
                 return _Asked(f"replay of {self._name(event.session)}", event.key, event.model, [event.session])
             case CalibrationCompleted():
-                return _Asked(f"calibration {event.calibration[:SHORT]}", event.key, event.parent, event.sessions)
+                return _Asked(f"calibration {handle(event.calibration)}", event.key, event.parent, event.sessions)
             case DiagnosisCompleted():
                 key = event.key
-                name, sessions = f"diagnosis d-{event.diagnosis[:SHORT]}", key.get("train", [])
+                name, sessions = f"diagnosis d-{handle(event.diagnosis)}", key.get("train", [])
                 return _Asked(name, key, key.get("model", ""), sessions, key.get("kept", []))
             case AgeingAssessed():
                 return _Asked("assessment of the ageing", {}, event.key.get("motor") or "", event.sessions)
 
     def _name(self, session: str) -> str:
-        return self.names.get(session, session[:SHORT])
+        return self.names.get(session, handle(session))
 
     def _now(self, sessions: Iterable[str]) -> tuple[str, ...]:
         """What sessions became, those that are gone left out."""
@@ -175,7 +175,7 @@ class _Look:
             if now not in self.current:
                 return f"{self._name(session)} was taken back"
             if now != session and not is_run:
-                return f"{self._name(session)} is now session {now[:SHORT]}"
+                return f"{self._name(session)} is now session {handle(now)}"
         its = [self.current[self.facts.became(session)] for session in sessions]
         decodes = [self.facts.decodes[file["decode"]] for session in its for file in session.files]
         databases = {sha256 for one in decodes for sha256 in one.databases}

@@ -64,7 +64,7 @@ class Point:
 
     @property
     def sd(self) -> float | None:
-        """Its standard deviation [K/W], or None."""
+        """Standard deviation of the resistance [K/W], or None."""
         return None if isinstance(self.found, Evaluated) else self.found.sd_K_per_W
 
     @property

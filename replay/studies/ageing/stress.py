@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from replay.studies.ageing.assessment import StressEffect
 from replay.studies.ageing.history import Point
+from twin.motor.ageing_law import HUNDRED_H
 
 Floats = NDArray[np.float64]
 
 HEAT, CYCLES, DISCHARGE = "heat", "thermal cycles", "discharge"
-HUNDRED_H = 100.0
 UNITS = {HEAT: "100 h above 180 degC", CYCLES: "cycle", DISCHARGE: "100 h above the inception voltage"}
 SEEN_SD = 2.576  # 1 in 100 by chance
 

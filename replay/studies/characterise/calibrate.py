@@ -13,6 +13,7 @@ import numpy as np
 from ingest.facts.events import CalibrationCompleted, Event, ModelPublished, SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
+from ingest.texts.names import handle
 from ingest.texts.nearest import hint
 from replay.engine.files.configurations import network_of
 from replay.engine.files.models import model_of
@@ -82,7 +83,7 @@ def calibrate_sessions(
     own = slice(len(result.estimates))  # the motor's own parameters, of all that were fitted
     covariance = np.asarray(np.linalg.inv(result.fit.hessian)[own, own], np.float64)
     named = ", ".join(f"{s.name} ({s.configuration})" if s.configuration else s.name for s in sessions)
-    says = f"Calibrated on {named} from model {parent[:12]}.\nComments beside a number speak of its value before."
+    says = f"Calibrated on {named} from model {handle(parent)}.\nComments beside a number speak of its value before."
     text = written(data, name, united.version(result.network), says)
     sealed = store.archive.seal(text)
     event = CalibrationCompleted(
@@ -141,7 +142,7 @@ def common_model(facts: Facts, sessions: Sequence[SessionRecorded]) -> str:
         raise ReplayDataError("no session to calibrate on: name some with --on. `whyhot sessions` lists them.")
     named = {model_of(facts, session): session.name for session in sessions}
     if len(named) > 1:
-        which = ", ".join(f"{session} names {model[:12]}" for model, session in named.items())
+        which = ", ".join(f"{session} names {handle(model)}" for model, session in named.items())
         raise ReplayDataError(
             f"the sessions' bench files name different motor files ({which}): say which one with --model."
         )

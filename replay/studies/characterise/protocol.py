@@ -148,8 +148,8 @@ def _named_model(facts: Facts, sessions: Sequence[SessionRecorded]) -> str:
 
 
 def by_kind(sessions: Sequence[SessionRecorded]) -> tuple[tuple[SessionRecorded, ...], tuple[SessionRecorded, ...]]:
-    """Those to learn from and those to check on. Raises ReplayDataError where either is missing, or a session is
-    neither."""
+    """The sessions to learn from and those to check on. Raises ReplayDataError where either is missing, or a session
+    is neither."""
     points, drives = (tuple(s for s in sessions if s.kind in kinds) for kinds in (POINTS, DRIVES))
     if other := [s for s in sessions if s not in points and s not in drives]:
         raise ReplayDataError(

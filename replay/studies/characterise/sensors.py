@@ -4,9 +4,8 @@ to the hot spot.
 A filter as it would run in a vehicle (readings so far) estimates what the withheld channel shows. The hot spot itself
 is taken from the smoother with every channel.
 
-What a filter says of its own uncertainty holds noise and random walks, not what is wrong with the network's form, and
-that keeps its sign through a session. So bands are as wide as the errors of other sessions ask for (`banded`), and
-the hot spot is as uncertain as windings are when their own channels are withheld.
+Bands are as wide as the errors of other sessions ask for (`bands`), and the hot spot is as uncertain as windings are
+when their own channels are withheld.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
-from scipy.stats import norm, t
+from scipy.stats import norm
 
 from ingest.catalogue.channels import load
 from ingest.facts.events import SessionRecorded
@@ -44,6 +43,7 @@ from replay.engine.results.kernel_cache import load_kernel
 from replay.engine.results.open_loop import modelled
 from replay.engine.specimen.aged import of_specimen
 from replay.errors import ReplayDataError
+from replay.studies.characterise.bands import SessionErrors, banded, widenings
 from replay.studies.characterise.calibrate import common_model
 from replay.studies.sessions.fitting import fitting
 from twin.filters.ekf import filter_unknowns
@@ -57,9 +57,7 @@ Floats = NDArray[np.float64]
 Tell = Callable[[str], None]
 
 SETTLE_S = 300.0  # of a session: what the start was wrong by is no sensor's worth
-Z95 = 1.96
 TOLERATED_K = 2.0  # mean error up to which a sensor is done without
-LEAST_OTHERS = 2  # sessions that a band is made from: Student's factor of one is 12.7
 
 
 @dataclass(frozen=True)
@@ -81,15 +79,6 @@ class Withheld:
     filter_covered: float
     sessions: int
     widened: bool
-
-
-@dataclass(frozen=True)
-class SessionErrors:
-    """What a withheld channel is off by in one session, where it counts: measured less estimated, `K` (M,), and one
-    standard deviation of that by the filter and the sensor, `sd_K` (M,)."""
-
-    K: Floats
-    sd_K: Floats
 
 
 @dataclass(frozen=True)
@@ -277,34 +266,6 @@ def _withheld(
         widened=bool(factors),
     )
     return found, sessions
-
-
-def banded(sessions: Sequence[SessionErrors], factors: Sequence[float]) -> tuple[float, float]:
-    """Half width [K] of the filter's 95 % band with that of each session times its factor, and the share of readings
-    within it: means over all readings."""
-    half = np.concatenate([factor * Z95 * one.sd_K for one, factor in zip(sessions, factors, strict=True)])
-    error = np.abs(np.concatenate([one.K for one in sessions]))
-    return float(half.mean()), float((error <= half).mean())
-
-
-def widenings(sessions: Sequence[SessionErrors]) -> list[float]:
-    """The factor for each session's band, by the errors in all others; empty where those are fewer than
-    `LEAST_OTHERS`."""
-    if len(sessions) <= LEAST_OTHERS:
-        return []
-    return [widening([*sessions[:i], *sessions[i + 1 :]]) for i in range(len(sessions))]
-
-
-def widening(sessions: Sequence[SessionErrors]) -> float:
-    """The factor by which a 95 % band has to be wider to hold in another session, by the errors in these: Student's,
-    with as many degrees of freedom as there are sessions, as the error of one hardly changes its sign. At least 1."""
-    size = float(np.sqrt(np.mean([np.mean((one.K / one.sd_K) ** 2) for one in sessions])))
-    return max(1.0, student(len(sessions)) / Z95 * size)
-
-
-def student(degrees: int) -> float:
-    """Student's factor of a 95 % band."""
-    return float(t.ppf(0.975, degrees))
 
 
 def _order(recorded: Sequence[_Recorded], channels: Sequence[str], first: dict[str, float]) -> list[Left]:

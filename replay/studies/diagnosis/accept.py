@@ -11,11 +11,10 @@ from ingest.facts import facts as ledger_facts
 from ingest.facts.events import CauseAccepted, DiagnosisCompleted, ModelExtended
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
+from ingest.texts.names import handle
 from replay.engine.files.models import model_of
 from replay.errors import ReplayDataError
 from replay.studies.diagnosis.answer import Diagnosis, read
-
-SHORT = 12  # characters of an id, enough to name it by
 
 
 @dataclass(frozen=True)
@@ -43,7 +42,7 @@ def find_diagnosis(facts: Facts, text: str) -> DiagnosisCompleted:
     if wanted and back and not found:
         raise ReplayDataError(back[0])
     why = "is the beginning of more than one" if found else "is not in this store"
-    known = ", ".join(f"d-{one[:SHORT]}" for one in found or facts.diagnoses)
+    known = ", ".join(f"d-{handle(one)}" for one in found or facts.diagnoses)
     raise ReplayDataError(
         f'diagnosis "{text}" {why}: '
         + (f"it holds {known}." if known else "it holds none yet: `whyhot diagnose --on S...`")
@@ -87,7 +86,7 @@ def _refuse_gone(facts: Facts, found: Diagnosis) -> None:
         try:
             facts.session(session)
         except UnknownSessionError as error:
-            name = f"d-{found.diagnosis[:SHORT]}"
+            name = f"d-{handle(found.diagnosis)}"
             raise ReplayDataError(f"diagnosis {name}: {error}; `whyhot stale --redo` asks without it") from None
 
 
@@ -97,7 +96,7 @@ def _first(diagnosis: str, found: Diagnosis, steps: int) -> tuple[CauseAccepted,
     there = {step.step: step for step in terms if step.model or step.bench}
     if steps not in there:
         known = ", ".join(map(str, there)) or "none"
-        raise ReplayDataError(f"diagnosis d-{diagnosis[:SHORT]}: no files of {steps} steps; steps with files: {known}.")
+        raise ReplayDataError(f"diagnosis d-{handle(diagnosis)}: no files of {steps} steps; steps with files: {known}.")
     step, sayable = there[steps], found.said
     model = step.model if step.model != found.model else None
     event = CauseAccepted(
@@ -114,7 +113,7 @@ def _first(diagnosis: str, found: Diagnosis, steps: int) -> tuple[CauseAccepted,
 def _event(store: Store, diagnosis: str, found: Diagnosis) -> CauseAccepted:
     """What accepting this diagnosis says."""
     if not found.offers:
-        raise ReplayDataError(f"diagnosis d-{diagnosis[:SHORT]}: there is nothing to accept: {_why_nothing(found)}.")
+        raise ReplayDataError(f"diagnosis d-{handle(diagnosis)}: there is nothing to accept: {_why_nothing(found)}.")
     recorded = [one.event for one in store.ledger.events(ModelExtended, stream=f"diagnosis-{diagnosis}")]
     extended = (event for event in recorded if isinstance(event, ModelExtended))
     benches = [event.parent_bench for event in extended if event.bench == found.extended_bench]

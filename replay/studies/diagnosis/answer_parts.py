@@ -141,7 +141,7 @@ def evidence_parts(naming: Naming, refit: Refit) -> EvidenceParts:
 
 
 def _stands(refit: Refit) -> Stands:
-    """Its size in the readings: what these tell of it is its posterior precision less that of its prior."""
+    """The size of a term in the readings: what these tell of it is its posterior precision less that of its prior."""
     information = max(0.0, refit.sd**-2 - refit.parameter.sd**-2)
     return Stands(
         amplitude=refit.amplitude / at_one(refit.parameter), d=abs(refit.amplitude) * float(np.sqrt(information))

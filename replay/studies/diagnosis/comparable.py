@@ -21,7 +21,7 @@ class Comparable:
 
 
 def comparable(kept: Sequence[SessionRecorded], tests: Sequence[Test], learnt: Sequence[Test]) -> Comparable:
-    """Of each kept session the channels and meters that `learnt` has too: of others nobody knows how they err."""
+    """The kept sessions with the channels and meters that `learnt` has too: of others nobody knows how they err."""
     known = {c.name for test in learnt for c in (*test.channels, *test.meters)}
     sure = [_of(test, known) for test in tests]
     pairs = [(session, test) for session, test in zip(kept, sure, strict=True) if test.channels]

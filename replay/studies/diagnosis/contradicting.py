@@ -13,7 +13,7 @@ from twin.motor.features import scale
 
 
 def contradicting(model: Model, sessions: Sequence[SessionRecorded]) -> list[Contradicting]:
-    """Those of the `sessions` learnt from that ran alike and were read differently."""
+    """Pairs of the `sessions` learnt from that ran alike and were read differently."""
     network = model.network
     labels = {c.name: c.sensor.label for test in model.tests for c in test.channels}
     return [

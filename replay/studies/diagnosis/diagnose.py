@@ -20,6 +20,7 @@ from ingest.facts.events import (
 )
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
+from ingest.texts.names import handle
 from replay.engine.files.bench_versions import MADE, with_bench_of
 from replay.engine.runs.identity import run_id
 from replay.engine.runs.sources import code_of
@@ -76,7 +77,7 @@ def diagnose(
     identity = run_id(key)
     if identity in facts.diagnoses:
         return Result(read(json.loads(store.archive.read(facts.diagnoses[identity].artefact))), True)
-    with fitting(f"diagnosis with model {question.model[:12]}"):
+    with fitting(f"diagnosis with model {handle(question.model)}"):
         answer = _answered(question, identity, tell)
     _keep(question, answer, key)
     return Result(answer, False)

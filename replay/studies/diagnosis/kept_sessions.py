@@ -97,7 +97,7 @@ def _masked_better(final: Fit, kept: Sequence[Test]) -> dict[str, bool]:
 
 
 def _unmasked(channel: RecordedChannel) -> RecordedChannel:
-    """As if every sample that was recorded were live."""
+    """The channel as if every sample that was recorded were live."""
     samples = np.where(np.isfinite(channel.measured), np.maximum(channel.samples, 1.0), 0.0)
     return replace(channel, samples=samples)
 
@@ -174,7 +174,7 @@ def _rms_where(trios: Sequence[Trio], kept: Sequence[Test], wanted: Sequence[NDA
 
 
 def outside_trained(train: Sequence[Test], kept: Sequence[Test]) -> list[NDArray[np.bool_]]:
-    """Of each kept test, the steps in cells of speed and current that training never visited."""
+    """Which steps of each kept test are in cells of speed and current that training never visited."""
     names = [name for name in ("speed", "current", "torque") if all(name in t.inputs for t in (*train, *kept))][:2]
     if not names:
         return [np.zeros(len(t.frame.boundaries), dtype=np.bool_) for t in kept]

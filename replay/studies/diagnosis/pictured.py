@@ -30,7 +30,7 @@ INSTANTS = 61  # of a reading over a test
 
 
 def laws(campaign: Campaign, found: Found, causes: Sequence[Named]) -> list[LawCourse]:
-    """Of each named heat and heat path that a file can say; [] where the tests know no speed or load."""
+    """The law of each named heat and heat path that a file can say; [] where the tests know no speed or load."""
     tests, scale = campaign.tests, campaign.network.scale
     load = load_of(tests)
     if load is None or not all("speed" in test.inputs for test in tests):

@@ -12,10 +12,11 @@ from ingest.facts.events import CauseAccepted, SessionRecorded
 from ingest.facts.facts import Facts, at
 from ingest.facts.ledger_row import Recorded
 from ingest.facts.store import Store
+from ingest.texts.names import handle
 from replay.engine.results.run import Observed, Run
 from replay.engine.results.sealed import load_run
 from replay.engine.runs.campaign import replay_sessions
-from replay.studies.diagnosis.accept import SHORT, find_diagnosis, would_accept
+from replay.studies.diagnosis.accept import find_diagnosis, would_accept
 from replay.studies.diagnosis.answer import Diagnosis, read
 from replay.studies.diagnosis.formulas import text_diff
 
@@ -135,10 +136,10 @@ def _built_on(facts: Facts, model: str, own: str) -> Iterator[str]:
         yield f"{replays} replay{'s' * (replays != 1)}"
     for one in facts.calibrations.values():
         if one.parent in made:
-            yield f"calibration {one.calibration[:SHORT]}"
+            yield f"calibration {handle(one.calibration)}"
     for key, completed in facts.diagnoses.items():
         if key != own and completed.key.get("model") in made:
-            yield f"diagnosis d-{key[:SHORT]}"
+            yield f"diagnosis d-{handle(key)}"
 
 
 def _readings(

@@ -10,8 +10,8 @@ import numpy as np
 from replay.studies.diagnosis.answer_parts import place_of
 from replay.studies.diagnosis.kept_sessions import Measured, measured
 from replay.studies.diagnosis.question import Campaign
-from twin.diagnosis.free_heats import Unknown, as_fitted, describe, free_heats
-from twin.diagnosis.naming import Naming, at_the_patchwork, search, without_term
+from twin.diagnosis.free_heats import Unknown, as_fitted, describe
+from twin.diagnosis.naming import Naming, at_the_patchwork, heats_of, search, without_term
 from twin.diagnosis.refined import Tell
 from twin.diagnosis.rounds import EVIDENT, Refit
 from twin.diagnosis.swaps import Swap, exchanged
@@ -106,7 +106,7 @@ def _unknown(naming: Naming) -> list[Unknown]:
         return [describe(naming.final, naming.heats[0])]
     if naming.accepted:
         try:
-            left = free_heats(naming.final, not naming.wrong_in_form)[0]
+            left = heats_of(naming.final, naming.wrong_in_form)[0]
         except DivergedError:  # terms that grow with temperature, held just below where they run away
             return []
         if left.log_bayes_factor > EVIDENT:

@@ -16,14 +16,13 @@ from ingest.facts.lineage import Chains, FactLink, distinct
 from ingest.facts.named import find
 from ingest.facts.store import Store
 from ingest.intake.located import Located, locate
+from ingest.texts.names import handle, is_called
 from replay.engine.results.artefacts import read_parquet
 from replay.errors import ReplayDataError
 
-LEAST = 4  # characters of an id
 SHOWN = 20  # points of a run
 POINT = re.compile(r"(?P<run>[0-9a-f]{4,16})(?:@(?P<time>[0-9.:]+))?(?:/(?P<channel>.+))?", re.IGNORECASE)
 RECORDS = re.compile(r"(?P<log>.+?):(?P<first>[0-9,]+)(?:-(?P<last>[0-9,]+))?")
-HOW = "a session, log, replay, diagnosis, model; RUN@TIME/CHANNEL; LOG:RECORD; or a SELECT"
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,8 @@ class Lineage:
 
 
 def trace(store: Store, recorded: Sequence[Recorded], facts: Facts, text: str) -> Lineage:
-    """The lineage of `text`: see HOW. Raises ReplayDataError, CorrectionError, DamageError."""
+    """The lineage of `text`: the name or id of a fact, RUN@TIME/CHANNEL, or LOG:RECORD. Raises ReplayDataError,
+    CorrectionError, DamageError."""
     chains = Chains(recorded, facts)
     at = POINT.fullmatch(text)
     runs = [run for run in facts.runs if at and run.startswith(at["run"].lower())]
@@ -100,14 +100,13 @@ def trace_row(store: Store, recorded: Sequence[Recorded], facts: Facts, row: Map
 
 def _chain(facts: Facts, chains: Chains, text: str) -> Iterable[FactLink]:
     """The links of any fact by its name, id, or the beginning of its id."""
-    key = text.lower()
     of: tuple[tuple[Iterable[str], Callable[[str], list[FactLink]]], ...] = (
         ([one.calibration for one in facts.calibrations.values()], chains.of_calibration),
         (facts.assessments, chains.of_ageing),
         (facts.models, chains.of_model),
     )
     for ids, chain in of:
-        found = [one for one in ids if len(key) >= LEAST and one.startswith(key)]
+        found = [one for one in ids if is_called(one, text)]
         if len(found) == 1:
             return chain(found[0])
     motors = [one.model for one in facts.models.values() if text in (one.motor, one.file)]
@@ -127,7 +126,7 @@ def _chain(facts: Facts, chains: Chains, text: str) -> Iterable[FactLink]:
 def _log(facts: Facts, text: str) -> str | None:
     """SHA-256 of the log of this name, or beginning of its SHA-256."""
     named = [raw for raw, one in facts.files.items() if one.name == text]
-    found = named or [raw for raw in facts.files if len(text) >= LEAST and raw.startswith(text.lower())]
+    found = named or [raw for raw in facts.files if is_called(raw, text)]
     return found[0] if len(found) == 1 else None
 
 
@@ -139,7 +138,7 @@ def _file(facts: Facts, raw: str) -> dict[str, Any]:
                 return file
     decodes = [one for one in facts.decodes.values() if one.raw == raw]
     if not decodes:
-        raise ReplayDataError(f"log {raw[:12]}: is not in this store, or was taken back.")
+        raise ReplayDataError(f"log {handle(raw)}: is not in this store, or was taken back.")
     last = max(decodes[-1].balance.get("found", 0) - 1, 0)
     return {"raw": raw, "decode": decodes[-1].decode, "first_record": 0, "last_record": last}
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
+from ingest.texts.names import handle
 from replay.engine.files.bench_versions import with_bench_of
 from replay.studies.characterise.calibrate import common_model
 from replay.studies.diagnosis.healthy_fit import healthy_fit
@@ -55,7 +56,7 @@ def plan(
     """
     check(sessions, [])
     model = model or common_model(facts, sessions)
-    with fitting(f"plan with model {model[:12]}"):
+    with fitting(f"plan with model {handle(model)}"):
         tell("reading the sessions")
         campaign = campaign_of(Question(store, with_bench_of(facts, model), sessions, [], model, level))
         tell("fitting everything healthy")

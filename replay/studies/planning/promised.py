@@ -11,6 +11,7 @@ from typing import Any
 
 from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
+from ingest.texts.names import handle
 from replay.errors import PlanFileError
 from replay.studies.characterise.calibrate import common_model
 from replay.studies.diagnosis.answer import Diagnosis, Named, Rival
@@ -45,8 +46,8 @@ class PlanFile:
             raise PlanFileError(f"{self.path}: a plan for {self.motor}, and the sessions are of {motor}: name its own.")
         if model != self.model:
             raise PlanFileError(
-                f"{self.path}: made with version {self.model[:12]} of {motor}, and the diagnosis is of {model[:12]}: "
-                f"plan again, or say --model {self.model[:12]}."
+                f"{self.path}: made with version {handle(self.model)} of {motor}, and the diagnosis is of "
+                f"{handle(model)}: plan again, or say --model {handle(self.model)}."
             )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 
 from ingest.catalogue.channels import load
@@ -10,9 +9,8 @@ from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from replay.engine.specimen.heat_history import trace_of_heat
-
-HUNDRED_H = 100.0
-_HOURS = re.compile(r"hours_above_(.+)degC")
+from twin.motor.ageing_law import HUNDRED_H
+from twin.motor.features import above_degC
 
 
 def course_of(store: Store, facts: Facts, session: SessionRecorded, laws: Sequence[str]) -> dict[str, float]:
@@ -22,7 +20,7 @@ def course_of(store: Store, facts: Facts, session: SessionRecorded, laws: Sequen
     if not laws:
         return {}
     before = _before(facts, session)
-    limits = {law: float(hours[1]) for law in laws if (hours := _HOURS.fullmatch(law))}
+    limits = {law: degC for law in laws if (degC := above_degC(law)) is not None}
     found = [trace_of_heat(load(store, facts, one)) for one in before] if limits else []
     of_kind = float(sum(one.kind == session.kind for one in before))
     return {

@@ -10,6 +10,7 @@ import numpy as np
 from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
+from ingest.texts.names import handle
 from ingest.texts.nearest import hint
 from replay.engine.files.bench_versions import with_bench_of
 from replay.engine.files.models import model_of
@@ -59,10 +60,10 @@ def fitted(
     tell: Tell,
     channel: str | None = None,
 ) -> Fitted:
-    """As a diagnosis begins. Raises ReplayDataError where sessions are too short, lack what the model needs, or have
-    no `channel` that is asked about, before anything is fitted."""
+    """The fit that a diagnosis begins with. Raises ReplayDataError where sessions are too short, lack what the model
+    needs, or have no `channel` that is asked about, before anything is fitted."""
     _refuse_short(sessions)
-    with fitting(f"{sessions[0].name} with model {model[:12]}"):
+    with fitting(f"{sessions[0].name} with model {handle(model)}"):
         campaign = campaign_of(Question(store, with_bench_of(facts, model), sessions, [], model, level))
         if channel is not None:
             _refuse_unknown(campaign, channel)

@@ -10,6 +10,7 @@ from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.sessions import order
 from ingest.facts.store import Store
+from ingest.texts.names import handle
 from replay.errors import ReplayDataError
 from replay.studies.diagnosis.answer import Diagnosis, Named
 from replay.studies.since.acting import Since, acting, driven, fitted
@@ -54,7 +55,7 @@ class SeenElsewhere:
 def cause_of(found: Diagnosis, wanted: str | None) -> Named:
     """The cause of a diagnosis that is asked for, its first with a size where none is. Raises ReplayDataError with what
     there is."""
-    name = f"diagnosis d-{found.diagnosis[:12]}"
+    name = f"diagnosis d-{handle(found.diagnosis)}"
     sized = [one for one in found.causes if one.stands is not None]
     if not found.causes:
         raise ReplayDataError(f"{name} names no cause: there is nothing to look for.")

@@ -10,6 +10,7 @@ import numpy as np
 from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
+from ingest.texts.names import handle
 from replay.engine.files.bench_versions import with_bench_of
 from replay.engine.files.motor_file import read_motor
 from replay.errors import ReplayDataError
@@ -45,7 +46,7 @@ def _mae(
 ) -> float | None:
     network = configured(read_motor(store.archive.read(model), facts.models[model].file), None)
     try:
-        with fitting(f"model {model[:12]}"):
+        with fitting(f"model {handle(model)}"):
             then = with_bench_of(facts, model)
             tests = [test_of(store, then, one, network, (), level) for one in sessions]
             series = Model(network, tests, ()).residuals(np.zeros(0))

@@ -221,7 +221,7 @@ def test_columns_called_alike_are_made_unique_and_units_are_read(tmp_path: Path)
 def test_many_batches_are_read_through(
     tmp_path: Path, write: Callable[[pa.Table, Path], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ingest.formats._arrow_rows.ROWS", 700)
+    monkeypatch.setattr("ingest.formats.BATCH_ROWS", 700)
     time_s = np.arange(3500.0)
     time_s[[1500, 2600]] = np.nan
     write(pa.table({"time": time_s, "T": np.arange(3500.0)}), tmp_path / "log")

@@ -12,11 +12,10 @@ import pytest
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import Log, Rows, open_log
-from made.tables import same
+from made.tables import S_NS, same, table
 from replay.cli import main
 
 NAN = float("nan")
-S_NS = 1_000_000_000
 AT_NS = 1_741_939_200 * S_NS  # 14 March 2025, 08:00 UTC
 Found = dict[str, tuple[list[float], list[float]]]  # series -> seconds since AT_NS, values
 
@@ -30,12 +29,6 @@ def series(path: Path) -> tuple[Log, Found]:
         t_s += ((rows.t_ns - AT_NS) / S_NS).round(3).tolist()
         values += rows.columns[rows.series].tolist()
     return log, found
-
-
-def table(folder: Path, text: str, encoding: str = "utf-8") -> Path:
-    path = folder / "log.csv"
-    path.write_bytes(text.encode(encoding))
-    return path
 
 
 TIA = (
@@ -69,7 +62,7 @@ LONG = {
 
 @pytest.mark.parametrize("kind", LONG)
 def test_each_name_is_a_series_with_its_own_times(kind: str, tmp_path: Path) -> None:
-    log, found = series(table(tmp_path, LONG[kind], "utf-16-le" if "16" in kind else "utf-8"))
+    log, found = series(table(tmp_path, LONG[kind], encoding="utf-16-le" if "16" in kind else "utf-8"))
     late_s = 0.25 if kind.startswith(("Siemens", "Influx")) else 0.0
     assert {name: t_s for name, (t_s, _) in found.items()} == {"T": [0, 1], "n": [late_s, 1 + late_s]}
     assert same([values for _, values in found.values()], [[20, NAN], [5, 6]])

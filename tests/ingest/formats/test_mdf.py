@@ -9,8 +9,9 @@ from typing import Any
 
 import pytest
 
+from ingest import formats
 from ingest.errors import UnreadableLogError
-from ingest.formats import Log, _joined_tables, _mdf_log, _mdf_records, open_log, recognise
+from ingest.formats import Log, _mdf_log, _mdf_records, open_log, recognise
 from ingest.formats._mdf_records import FileBytes
 from ingest.intake.inspection import inspect
 from made.mdf import (
@@ -99,7 +100,7 @@ def test_records_of_one_group_are_read_a_part_at_a_time_packed_or_not(
     for module, name, most_bytes in (
         (_mdf_records, "AT_ONCE", 555),
         (_mdf_log, "IN_MEMORY", 100),
-        (_joined_tables, "ROWS", 1000),
+        (formats, "BATCH_ROWS", 1000),
     ):
         monkeypatch.setattr(module, name, most_bytes)
     log, columns = table(path)

@@ -16,7 +16,6 @@ from nptdms.timestamp import TdmsTimestamp
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import Rows, TimeSpec, open_log
-from ingest.formats import tdms as tdms_format
 from ingest.log.decode import decode_file
 from made.places import LOGS
 from made.readings import record
@@ -247,7 +246,7 @@ def test_numbers_of_any_type_truths_texts_and_stamps_become_columns_and_complex_
 
 
 def test_many_segments_and_batches_are_read_through(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tdms_format, "ROWS", 7)
+    monkeypatch.setattr("ingest.formats.BATCH_ROWS", 7)
     path = write(tmp_path / "log.tdms", *([wave("A", "x", np.arange(5.0) + 5 * k)] for k in range(6)))
     log, t_ns, columns = read(path)
     assert columns["x"] == list(range(30))

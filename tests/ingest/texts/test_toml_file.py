@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ingest.errors import TomlError
-from ingest.texts import toml_file, toml_lines
+from ingest.texts import toml_file, toml_lines, toml_spans
 from ingest.texts.toml_file import (
     BOOLEAN,
     MOMENT,
@@ -88,7 +88,7 @@ def refusal(act: Callable[[], object]) -> str:
         (("node", 1, "a", "b", "c.d"), 22),
     ],
 )
-def test_every_table_key_and_element_knows_its_line(path: toml_lines.Path, line: int) -> None:
+def test_every_table_key_and_element_knows_its_line(path: toml_spans.Path, line: int) -> None:
     assert toml_lines.lines(MOTOR.decode())[path] == line
 
 

@@ -15,7 +15,7 @@ from twin.compiled.heat import heat, heat_capacity
 from twin.compiled.integrators import BDF2
 from twin.compiled.kernel import compile_indexed, compile_network
 from twin.compiled.laid_out import laid_out
-from twin.compiled.structure import parameters, structure
+from twin.compiled.structure import described, structure
 from twin.filters import inputs as filter_inputs
 from twin.filters.ekf import filter_unknowns
 from twin.filters.unknowns import UnknownHeat
@@ -182,7 +182,7 @@ def test_what_is_downstream_of_a_measured_node_starts_with_it() -> None:
 def test_streams_stand_behind_all_terms_and_are_none_of_them(make_network: Make) -> None:
     network = with_laws(make_network(1, n=4), 1)
     terms = [term.coefficient for term in features.terms(network)]
-    found = parameters(network).coefficients
+    found = described(network)[1].coefficients
     assert found[: len(terms)].tolist() == terms
     volume = GLYCOL.density.at(20.0) * GLYCOL.heat_capacity.at(20.0)
     np.testing.assert_allclose(found[len(terms) :], [volume * 0.05 / 60_000] * 3 + [850 * 2000 * 0.05 / 60_000] * 3)

@@ -17,7 +17,7 @@ from replay.studies.motors.new import TOPOLOGIES
 from twin.compiled import indexed
 from twin.compiled.integrators import BDF2, DEFAULT, INTEGRATORS, Tableau
 from twin.compiled.kernel import compile_indexed, compile_network, index_program
-from twin.compiled.structure import parameters, structure
+from twin.compiled.structure import described, structure
 from twin.motor.heat_laws import NAMED
 from twin.motor.network import Map, Network
 from twin.run.simulate import Frame, simulate
@@ -121,7 +121,7 @@ def test_the_energy_of_every_step_balances_to_rounding(
     """Heat stored = step times (losses - heat to the boundaries), both at the method's own stage temperatures."""
     network = make_network(seed, n=n, linear=True)
     inputs = make_frame(network, seed, steps=1, step_s=2.0)
-    p = parameters(network)
+    p = described(network)[1]
     out, stage = np.full((2, n), 40.0), np.empty((len(DEFAULT.b), n))
     arrays = (p.coefficients, p.capacities, p.copper, p.factors, out, stage)
     index_program(plain)(

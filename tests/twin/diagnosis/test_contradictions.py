@@ -114,9 +114,10 @@ def test_where_two_runs_of_a_cycle_part_the_comparison_ends() -> None:
     [
         (CYCLE, 2 * BIAS_SD),  # no more than sensors may be off
         (pulses(3600.0, seed=1), OFF_K),  # another cycle
-        (CYCLE | {"current": 1.1 * CYCLE["current"]}, OFF_K),  # with more current
+        ({**CYCLE, "current": 1.1 * CYCLE["current"]}, OFF_K),  # with more current
         (stood(600.0), OFF_K),  # after another rest
         ({name: u[: round(800.0 / FINE_S)] for name, u in CYCLE.items()}, OFF_K),  # a past too short
+        ({name: u[: round(200.0 / FINE_S)] for name, u in CYCLE.items()}, OFF_K),  # not five minutes long
     ],
 )
 def test_other_cycles_other_pasts_and_what_sensors_may_do_are_no_contradiction(drive: Drive, off_K: float) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from made.laws import OIL
-from twin.compiled.structure import parameters
+from twin.compiled.structure import described
 from twin.errors import BadNameError, ConfigurationError, CutOffError, DuplicateError, NetworkError, UnknownNodeError
 from twin.motor.check import check
 from twin.motor.configured import configured, restored
@@ -70,7 +70,7 @@ def test_every_other_coefficient_is_that_of_the_motor() -> None:
     found = configured(replace(MOTOR, nodes=(Node("winding", 123.0, "copper"), *MOTOR.nodes[1:])), "dry")
     assert found.links[:2] == MOTOR.links[:2]
     assert found.sources == MOTOR.sources
-    np.testing.assert_array_equal(parameters(found).capacities, [123.0, 200.0, 300.0])
+    np.testing.assert_array_equal(described(found)[1].capacities, [123.0, 200.0, 300.0])
 
 
 def test_boundaries_and_circuits_that_nothing_touches_are_left_out() -> None:

@@ -17,7 +17,7 @@ from twin.compiled import indexed
 from twin.compiled.integrators import BDF2, DEFAULT, Tableau
 from twin.compiled.kernel import compile_network, index_program
 from twin.compiled.laid_out import laid_out
-from twin.compiled.structure import parameters, structure
+from twin.compiled.structure import described, structure
 from twin.motor.features import monomials
 from twin.motor.network import Network
 from twin.run.simulate import Frame, simulate
@@ -54,7 +54,7 @@ def _linearised(network: Network, frame: Frame, start: Floats, T: Floats) -> Flo
 def test_what_comes_in_is_stored(tableau: Tableau, seed: int, n: int, make_network: Make, plain: Load) -> None:
     network = with_laws(make_network(seed, n=n), seed)
     frame = law_frame(network, seed, 1, STEP_S)
-    p = parameters(network)
+    p = described(network)[1]
     start = np.random.default_rng(seed).uniform(25.0, 120.0, len(network.nodes))
     out, stage = np.vstack([start, start]), np.empty((len(tableau.b), start.size))
     index_program(plain)(
@@ -102,7 +102,7 @@ def test_what_comes_in_is_stored_by_bdf2(make_network: Make, plain: Load) -> Non
     network = with_laws(make_network(4, n=4), 4)
     frame = law_frame(network, 4, 1, STEP_S)
     twice = Frame(STEP_S, np.repeat(frame.features, 2, axis=0), np.repeat(frame.boundaries, 2, axis=0))
-    p, start = parameters(network), np.random.default_rng(4).uniform(25.0, 120.0, len(network.nodes))
+    p, start = described(network)[1], np.random.default_rng(4).uniform(25.0, 120.0, len(network.nodes))
     first, second, third = simulate(compile_network(network, BDF2, plain), twice, start)
     for stored, at, to in (
         (second - first, first, second),

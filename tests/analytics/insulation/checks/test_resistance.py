@@ -16,7 +16,6 @@ from analytics.insulation.checks.resistance import (
     CheckTrace,
     ResistanceEstimate,
     Together,
-    evaluate,
     evaluate_together,
 )
 from plant import insulation_campaign
@@ -47,6 +46,11 @@ def trace(check: Check, iron: bool = True) -> CheckTrace:
         power_W=values["V_DC"] * values["I_DC"],
         current_A=values["I_DC"],
     )
+
+
+def evaluate(check: CheckTrace) -> CheckResistance:
+    """Of a specimen with one check."""
+    return evaluate_together([check])[0]
 
 
 def rows(whole: CheckTrace, kept: slice) -> CheckTrace:

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
+from ingest.texts.toml_spans import spans
 from replay.engine.files.toml_edit import edited
-from replay.engine.files.toml_spans import spans
 
 TEXT = """\
 # above

@@ -13,7 +13,7 @@ import pytest
 
 from ingest.facts import facts
 from ingest.facts.store import Store
-from ingest.facts.store_check import damage, hints
+from ingest.facts.store_check import check
 from made import can_bench
 from replay.cli import main
 from replay.engine.files.motor_file import read_motor
@@ -82,8 +82,9 @@ def test_what_a_calibration_left_unknown_goes_together(bench: Path, model: str) 
         motor = read_motor(store.archive.read(model), known.models[model].file)
         covariance, source = known_covariance(store, known, model, motor, None)
         event = known.calibrations[model]
-        assert damage(store) == []
-        assert not [line for line in hints(store) if "no event cites" in line]
+        found = check(store, read=True)
+        assert found.damages == []
+        assert not [line for line in found.hints if "no event cites" in line]
     assert source == "calibration"
     assert covariance.diagonal() == pytest.approx([p["sd"] ** 2 for p in event.parameters])
     sd = covariance.diagonal() ** 0.5

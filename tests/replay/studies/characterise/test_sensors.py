@@ -14,7 +14,8 @@ from scipy.stats import norm
 
 from made import can_bench
 from replay.cli import main
-from replay.studies.characterise.sensors import SessionErrors, banded, exceeded_by, widening, widenings
+from replay.studies.characterise.bands import SessionErrors, banded, widening, widenings
+from replay.studies.characterise.sensors import exceeded_by
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""The rows that `twin.paper.ekf_step` shows are those of the motor that it names."""
+"""The rows that `twin.paper.rates` shows are those of the motor that it names."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from made.filter_example import example
 from twin.arithmetic.lanes import LaneStore, record
-from twin.paper.ekf_step import Rates, cell_of, into_of, rates_of, shares_of, term_of
+from twin.paper.rates import Rates, cell_of, into_of, rates_of, shares_of, term_of
 
 Index = NDArray[np.int64]
 

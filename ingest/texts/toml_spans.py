@@ -7,7 +7,7 @@ import tomllib
 from collections import Counter
 from dataclasses import dataclass
 
-Path = tuple[str | int, ...]  # ("source", 2, "terms", 0, "coefficient")
+Path = tuple[str | int, ...]  # ("source", 2, "terms", 0, "coefficient"): the third [[source]], its first term
 
 _BLANK = re.compile(r"(?:\s|#[^\n]*)*")
 _QUOTED = r'"(?:\\.|[^"\\\n])*"|\'[^\'\n]*\''
@@ -50,9 +50,11 @@ class _Scan:
 
     def _peek(self) -> str:
         """The next character that says something, "" at the end."""
-        blank = _BLANK.match(self._text, self._at)
-        self._at = blank.end() if blank else self._at
-        return self._text[self._at : self._at + 1]
+        first = self._text[self._at : self._at + 1]
+        if first in " \t\r\n#" and (blank := _BLANK.match(self._text, self._at)):
+            self._at = blank.end()
+            first = self._text[self._at : self._at + 1]
+        return first
 
     def _head(self) -> Path:
         start = self._at
@@ -81,7 +83,7 @@ class _Scan:
             match = _KEY.match(self._text, self._at)
             word = match.group() if match else ""
             self._at += len(word)
-            parts.append(next(iter(tomllib.loads(f"{word} = 0"))))
+            parts.append(next(iter(tomllib.loads(f"{word} = 0"))) if word[:1] in "\"'" else word)
             if self._peek() != ".":
                 return parts
             self._at += 1
