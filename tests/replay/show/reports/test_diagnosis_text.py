@@ -97,7 +97,7 @@ def test_a_named_cause_comes_with_its_id_words_size_formula_and_evidence() -> No
         "magnet loss grows with speed squared and current squared",
         "+96 W (88 to 104); +14.2 W at the typical point; largest effect +6.3 K at the magnet, 3_wltp 1:12:40",
         "loss of magnet [W] += 96 (n/16000 rpm)^2 (I/450 A)^2",
-        "Not told apart nothing within ln 20",
+        "Not told apart nothing: every other candidate is more than 3 behind in ln BF (20 times less probable)",
         "loss.rotor_surface.speed3: ln BF 288, 22 behind",
     ):
         assert part in text
