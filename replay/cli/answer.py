@@ -61,7 +61,7 @@ def deliver(args: argparse.Namespace, answer: Answer) -> int:
     """Print or write the answer; returns its exit code."""
     tell("")
     for note in answer.notes:
-        say(plain_line(on_store(note, store_folder(args))), sys.stderr)
+        say(plain_line(on_store(note, store_folder(args))), sys.stderr, refused=answer.code != 0)
     if args.json is not None:
         _write_json(args.json, answer.data)
     if args.json != "-" and answer.text:
