@@ -262,8 +262,8 @@ def unexplained(heat: UnnamedHeat) -> str:
 def comes_from(evidence: EvidenceParts) -> str:
     """ "1.9 fit (readings are met more closely), 17.2 priors relieved (other numbers move less, mostly form of the
     losses in iron: 12.1), −2.5 rest"."""
-    most = next(((name, value) for name, value in evidence.relieved.items() if value >= LEAST_SHARE), None)
-    family = f", mostly {most[0]}: {_tenths(most[1])}" if most else ""
+    most, value = max(evidence.relieved.items(), key=lambda one: one[1], default=("", 0.0))
+    family = f", mostly {most}: {_tenths(value)}" if value >= LEAST_SHARE else ""
     closely = "more" if evidence.fit >= 0 else "less"
     move = f"less{family}" if evidence.priors_relieved >= 0 else "further"
     return (

@@ -103,6 +103,11 @@ def test_a_named_cause_comes_with_its_id_words_size_formula_and_evidence() -> No
         assert part in text
 
 
+def test_the_family_that_is_relieved_most_is_told_in_whichever_order_an_answer_was_sealed() -> None:
+    evidence = EvidenceParts(fit=13.1, priors_relieved=12.7, rest=0.5, relieved={"capacities": 1.4, "films": 3.5})
+    assert "12.7 priors relieved (other numbers move less, mostly films: 3.5)" in comes_from(evidence)
+
+
 def test_the_gain_lists_better_worse_and_unchanged_nodes() -> None:
     text = flat(diagnosis_text(NAMED))
     assert "mean error as published -> recalibrated -> with the cause, replayed, against readings as recorded" in text
