@@ -72,7 +72,8 @@ def _title(diagnosis: Diagnosis, bars: Sequence[Bar]) -> str:
         return f"No candidate was named: the best is {best} ({limits})"
     rivals = [bar.log_bayes_factor for bar in bars if bar.ended not in (NAMED, UNKNOWN)]
     best = f", best rival {figures(max(rivals))}" if rivals else ""
-    return f"{lead.name}: ln BF {figures(lead.log_bayes_factor)}{best} ({limits})"
+    refused = ", refused as told below" * (max(rivals, default=0.0) > lead.log_bayes_factor)
+    return f"{lead.name}: ln BF {figures(lead.log_bayes_factor)}{best}{refused} ({limits})"
 
 
 def _draw(diagnosis: Diagnosis, bars: Sequence[Bar]) -> Figure:

@@ -90,6 +90,7 @@ def test_links_lead_from_the_answer_to_what_it_rests_on(html: str) -> None:
     links = re.findall(r'<a href="#([\w-]+)"', lead)
     assert links == ["cause-1", "evidence-1"]
     assert all(html.count(f' id="{link}"') == 1 for link in links)
+    assert "what cannot be told from it</a>" in lead, "no test is promised where none follows"
 
 
 def test_it_says_which_command_leads_to_the_bytes(html: str) -> None:
@@ -307,7 +308,10 @@ def test_the_ranking_is_cut_to_what_can_be_read_and_keeps_every_named_cause() ->
     plot = ranking(replace(NAMED, rivals=many))
     assert plot is not None
     assert len(plot.table.rows) == SHOWN
-    assert plot.title == "loss.magnet.speed2_current2: ln BF 310, best rival 429 (null 4.6, threshold 8)"
+    assert (
+        plot.title
+        == "loss.magnet.speed2_current2: ln BF 310, best rival 429, refused as told below (null 4.6, threshold 8)"
+    )
 
 
 def test_the_table_of_the_gain_tells_trained_points_from_others() -> None:
