@@ -11,7 +11,9 @@ from replay.cli.answer import Answer, provenance, store_folder
 def arguments(parser: argparse.ArgumentParser) -> None:
     says = "replayed sessions (default: all), or one diagnosis as d-4f0c"
     parser.add_argument("sessions", metavar="S", nargs="*", help=says)
-    says = "model id, motor name or motor file that the replays are of (default: the last replay of each session)"
+    says = (
+        "model id, motor name or motor file that the replays are of (default: the one that is current for each session)"
+    )
     parser.add_argument("--model", metavar="M", help=says)
     parser.add_argument(
         "-o",
