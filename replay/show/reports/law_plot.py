@@ -11,7 +11,18 @@ from replay.show.plots.compare import MODELS
 from replay.show.plots.plots import WIDTH
 from replay.show.reports.verdict import figures
 from replay.show.words import words
-from replay.show.words.figure import KEY_ABOVE, MOVING, FigureTable, Plot, inline_svg, name_lines, named, panels, style
+from replay.show.words.figure import (
+    KEY_ABOVE,
+    MOVING,
+    FigureTable,
+    Plot,
+    inline_svg,
+    name_lines,
+    named,
+    panels,
+    style,
+    tick,
+)
 from replay.show.words.palette import SERIES, SOFT, rival_lines
 from replay.studies.diagnosis.answer import Diagnosis, LawCourse
 
@@ -69,7 +80,7 @@ def _draw(axes: Axes, law: LawCourse) -> None:
         axes.legend(**KEY_ABOVE, ncols=1, handlelength=2.6, labelspacing=0.2)
     axes.set_xlim(law.speed_rpm[0], law.speed_rpm[-1])
     axes.set_xlabel("speed [rpm]")
-    axes.xaxis.set_major_formatter(lambda value, _: words.number(value))
+    axes.xaxis.set_major_formatter(tick)
     axes.set_ylabel(f"{'loss' if law.unit == 'W' else 'conductance'}\n[{law.unit}]")
     name_lines(axes, ends)
 
