@@ -53,11 +53,17 @@ def run(args: argparse.Namespace) -> Answer:
     lists = {"skipped": skipped, "refused": given.refused}
     data = {**morning_json(answer), **lists, "provenance": said}
     nothing = not any(one.decode for one in intake.files)
-    text = "" if nothing else morning_text(answer, [str(path) for path in args.files])
+    text = "" if nothing else morning_text(answer, _given(args))
     if args.report:
         data["report"] = str(args.report)
         text += f"\n{args.report}   opens offline in any browser"
     return Answer(data, text, 1 if refusals else 0, [*skipped, *refusals])
+
+
+def _given(args: argparse.Namespace) -> list[str]:
+    """The logs and what they are read with, as they were typed."""
+    bench = ["--bench", str(args.bench)] if args.bench else []
+    return [*map(str, args.files), *bench, *(word for one in args.dbc for word in ("--dbc", str(one)))]
 
 
 def _write_report(found: Morning, notes: Sequence[str], store: Store | None, args: argparse.Namespace) -> None:
@@ -66,7 +72,7 @@ def _write_report(found: Morning, notes: Sequence[str], store: Store | None, arg
     from replay.show.reports.documents import context
     from replay.show.reports.morning_report import write_morning_report
 
-    command = shlex.join(["whyhot", "morning", *map(str, args.files), *(["--ingest"] if args.ingest else [])])
+    command = shlex.join(["whyhot", "morning", *_given(args), *(["--ingest"] if args.ingest else [])])
     write_morning_report(found, notes, args.report, context(store, command))
 
 

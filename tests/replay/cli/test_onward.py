@@ -43,6 +43,8 @@ def test_every_next_command_runs_as_it_is_printed(
     by = followed(begin, capsys)
     assert {verb for verb, said in by.items() if said} >= {words[0] if words else "" for words in begin} | {"show"}
     assert any(one.startswith("whyhot show --store 'the store' '") for said in by.values() for one in said)
+    (kept,) = (one for one in by["morning"] if one.endswith("--ingest"))
+    assert "--bench bench.toml --dbc bench.dbc" in kept, "read as they were looked at"
     put_right = [
         ["correct", "2_s1", "--kind", "wltp", "--reason", "as the bench says", *store],
         ["backup", "a copy", *store],
