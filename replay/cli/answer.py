@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shlex
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -42,6 +43,14 @@ def store_folder(args: argparse.Namespace) -> Path:
         advice = "`whyhot move URL --store DIR` brings its ledger or files there, after which DIR is its name as before"
         raise StoreError(f"--store {shown(named)}: a store is a folder, give that: {advice}")
     return Path(named)
+
+
+def typed(*words: str, **options: str | Sequence[str] | None) -> str:
+    """A command as it would be typed, as a page says what it was asked by: `words`, then the options with a value."""
+    for name, value in options.items():
+        values = [value] if isinstance(value, str) else value
+        words += (f"--{name.replace('_', '-')}", *values) if values else ()
+    return shlex.join(["whyhot", *words])
 
 
 def provenance(store: Store | None, **settings: Any) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from replay.cli.answer import Answer, provenance, store_folder
+from replay.cli.answer import Answer, provenance, store_folder, typed
 from replay.cli.asked import ask_databases, ask_logs, databases_of
 
 if TYPE_CHECKING:
@@ -67,12 +67,10 @@ def _given(args: argparse.Namespace) -> list[str]:
 
 
 def _write_report(found: Morning, notes: Sequence[str], store: Store | None, args: argparse.Namespace) -> None:
-    import shlex
-
     from replay.show.reports.documents import context
     from replay.show.reports.morning_report import write_morning_report
 
-    command = shlex.join(["whyhot", "morning", *_given(args), *(["--ingest"] if args.ingest else [])])
+    command = typed("morning", *_given(args), *(["--ingest"] if args.ingest else []))
     write_morning_report(found, notes, args.report, context(store, command))
 
 
