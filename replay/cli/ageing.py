@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from replay.cli.answer import Answer, provenance, store_folder
+from replay.cli.answer import Answer, provenance, store_folder, typed
 from replay.cli.asked import ask_as_of, ask_picture, ask_workers, picture_note, workers_of
 
 
@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> Answer:
             from replay.show.reports.ageing_report import write_ageing_report
             from replay.show.reports.documents import context
 
-            write_ageing_report(found, args.report, context(store, "whyhot ageing"))
+            write_ageing_report(found, args.report, context(store, typed("ageing", motor=args.motor, as_of=args.as_of)))
             data |= {"report": str(args.report)}
     notes = list(found.notes)
     if args.report:

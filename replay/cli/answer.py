@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shlex
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -44,6 +45,14 @@ def store_folder(args: argparse.Namespace) -> Path:
     return Path(named)
 
 
+def typed(*words: str, **options: str | Sequence[str] | None) -> str:
+    """A command as it would be typed, as a page says what it was asked by: `words`, then the options with a value."""
+    for name, value in options.items():
+        values = [value] if isinstance(value, str) else value
+        words += (f"--{name.replace('_', '-')}", *values) if values else ()
+    return shlex.join(["whyhot", *words])
+
+
 def provenance(store: Store | None, **settings: Any) -> dict[str, Any]:
     """Code version, store head, seeds and settings: what an answer was computed from."""
     from whyhot import __version__
@@ -61,7 +70,7 @@ def deliver(args: argparse.Namespace, answer: Answer) -> int:
     """Print or write the answer; returns its exit code."""
     tell("")
     for note in answer.notes:
-        say(plain_line(on_store(note, store_folder(args))), sys.stderr)
+        say(plain_line(on_store(note, store_folder(args))), sys.stderr, refused=answer.code != 0)
     if args.json is not None:
         _write_json(args.json, answer.data)
     if args.json != "-" and answer.text:

@@ -8,13 +8,15 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from replay.cli.answer import store_folder
+from replay.cli.answer import store_folder, typed
 
 if TYPE_CHECKING:
     from ingest.facts.events import SessionRecorded
     from ingest.facts.facts import Facts
     from ingest.facts.store import Store
     from ingest.units.each import Workers
+
+LEVEL = "testing"
 
 
 class Asked(NamedTuple):
@@ -48,6 +50,12 @@ def asked(args: argparse.Namespace, write: bool = True) -> Iterator[Asked]:
         yield Asked(store, known, model, sessions_of(known, args.on))
 
 
+def asked_by(verb: str, args: argparse.Namespace, **more: Sequence[str]) -> str:
+    """How a page says what was asked for: `--on`, `more`, `--model`, and `--level` where that is not the default."""
+    level = None if args.level == LEVEL else args.level
+    return typed(verb, on=args.on, **more, model=args.model, level=level)
+
+
 def sessions_of(known: Facts, texts: Sequence[str]) -> list[SessionRecorded]:
     """The sessions of these ids or names, each once and in the store's order: however they are named, it is one
     question."""
@@ -76,7 +84,7 @@ def ask_model(parser: argparse.ArgumentParser) -> None:
 
 def ask_level(parser: argparse.ArgumentParser, says: str = "channels that may be learnt from") -> None:
     levels = "testing, all (the default), or production, those that series motors have too"
-    parser.add_argument("--level", choices=("testing", "production"), default="testing", help=f"{says}: {levels}")
+    parser.add_argument("--level", choices=("testing", "production"), default=LEVEL, help=f"{says}: {levels}")
 
 
 def ask_as_of(parser: argparse.ArgumentParser) -> None:

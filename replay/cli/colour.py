@@ -18,13 +18,13 @@ def overwrites(stream: TextIO) -> bool:
     return stream.isatty() and os.environ.get("TERM") != "dumb"
 
 
-def coloured(text: str, stream: TextIO) -> str:
-    """`text` as `stream` shows it: on standard error all as refused, elsewhere paragraphs by their label. As it is
-    where nobody looks, or NO_COLOR (https://no-color.org) is set."""
+def coloured(text: str, stream: TextIO, refused: bool = True) -> str:
+    """`text` as `stream` shows it: on standard error all as `refused`, where it is, elsewhere paragraphs by their
+    label. As it is where nobody looks, or NO_COLOR (https://no-color.org) is set."""
     if os.environ.get("NO_COLOR") or not overwrites(stream):
         return text
     if stream is sys.stderr:
-        return _in(REFUSED, text)
+        return _in(REFUSED, text) if refused else text
     return PARAGRAPH.sub(lambda found: _in(LABELS[found[1]], found[0]), text)
 
 

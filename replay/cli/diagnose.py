@@ -6,7 +6,17 @@ import argparse
 from pathlib import Path
 
 from replay.cli.answer import Answer, provenance
-from replay.cli.asked import as_of_note, ask_as_of, ask_level, ask_model, ask_sessions, asked, left_out, sessions_of
+from replay.cli.asked import (
+    as_of_note,
+    ask_as_of,
+    ask_level,
+    ask_model,
+    ask_sessions,
+    asked,
+    asked_by,
+    left_out,
+    sessions_of,
+)
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,8 +47,7 @@ def run(args: argparse.Namespace) -> Answer:
             plan.refuse_other(known, [*train, *kept], model)
         found = diagnose(store, known, train, kept, model, args.level, tell).diagnosis
         if args.report:
-            command = "whyhot diagnose --on " + " ".join(args.on)
-            command += " --hold-out " + " ".join(args.hold_out) if args.hold_out else ""
+            command = asked_by("diagnose", args, hold_out=args.hold_out)
             write_diagnosis(store, found, args.report, command, tell)
         left = left_out(store, known, [*train, *kept], found.model)
         data = {

@@ -38,10 +38,11 @@ def fit_output() -> None:
             stream.reconfigure(errors="whyhot")
 
 
-def say(text: str, stream: TextIO | None = None) -> None:
-    """Print `text` to standard output, or to `stream`: the one door to the terminal, which no name can steer."""
+def say(text: str, stream: TextIO | None = None, refused: bool = True) -> None:
+    """Print `text` to standard output, or to `stream`: the one door to the terminal, which no name can steer.
+    `refused`: whether what goes to standard error says that something was."""
     stream = stream or sys.stdout
-    print(coloured(plain(text), stream), file=stream)
+    print(coloured(plain(text), stream, refused), file=stream)
 
 
 def takes_all() -> bool:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from replay.cli.answer import Answer, provenance, store_folder
+from replay.cli.answer import Answer, provenance, store_folder, typed
 from replay.cli.asked import ask_databases, ask_logs, databases_of
 
 if TYPE_CHECKING:
@@ -53,20 +53,24 @@ def run(args: argparse.Namespace) -> Answer:
     lists = {"skipped": skipped, "refused": given.refused}
     data = {**morning_json(answer), **lists, "provenance": said}
     nothing = not any(one.decode for one in intake.files)
-    text = "" if nothing else morning_text(answer, [str(path) for path in args.files])
+    text = "" if nothing else morning_text(answer, _given(args))
     if args.report:
         data["report"] = str(args.report)
         text += f"\n{args.report}   opens offline in any browser"
     return Answer(data, text, 1 if refusals else 0, [*skipped, *refusals])
 
 
-def _write_report(found: Morning, notes: Sequence[str], store: Store | None, args: argparse.Namespace) -> None:
-    import shlex
+def _given(args: argparse.Namespace) -> list[str]:
+    """The logs and what they are read with, as they were typed."""
+    bench = ["--bench", str(args.bench)] if args.bench else []
+    return [*map(str, args.files), *bench, *(word for one in args.dbc for word in ("--dbc", str(one)))]
 
+
+def _write_report(found: Morning, notes: Sequence[str], store: Store | None, args: argparse.Namespace) -> None:
     from replay.show.reports.documents import context
     from replay.show.reports.morning_report import write_morning_report
 
-    command = shlex.join(["whyhot", "morning", *map(str, args.files), *(["--ingest"] if args.ingest else [])])
+    command = typed("morning", *_given(args), *(["--ingest"] if args.ingest else []))
     write_morning_report(found, notes, args.report, context(store, command))
 
 

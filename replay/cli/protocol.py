@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from replay.cli.answer import Answer, provenance
-from replay.cli.asked import ask_level, ask_model, ask_sessions, asked, left_out
+from replay.cli.asked import ask_level, ask_model, ask_sessions, asked, asked_by, left_out
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,7 +27,7 @@ def run(args: argparse.Namespace) -> Answer:
     with asked(args) as (store, known, model, sessions):
         found = run_protocol(store, known, sessions, model, args.level, tell)
         if args.report:
-            write_protocol_report(store, found, args.report, f"whyhot protocol --on {' '.join(args.on)}")
+            write_protocol_report(store, found, args.report, asked_by("protocol", args))
         left = left_out(store, known, sessions, found.calibration.event.parent)
         data = {**document(found), "notes": left, "provenance": provenance(store, level=args.level, model=args.model)}
     if found.calibration.event.converged:

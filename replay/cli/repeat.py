@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from replay.cli.answer import Answer, provenance, store_folder
+from replay.cli.answer import Answer, provenance, store_folder, typed
 from replay.cli.asked import ask_as_of
 
 if TYPE_CHECKING:
@@ -44,4 +44,4 @@ def _write_report(found: Repeat, store: Store, args: argparse.Namespace) -> None
     from replay.show.reports.documents import context
     from replay.show.reports.repeat_report import write_repeat_report
 
-    write_repeat_report(found, args.report, context(store, f"whyhot repeat {args.first} {args.second}"))
+    write_repeat_report(found, args.report, context(store, typed("repeat", args.first, args.second)))

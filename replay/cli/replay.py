@@ -66,7 +66,8 @@ def run(args: argparse.Namespace) -> Answer:
         return Answer({**data, "error": why}, "", 2, refusals or ["no sessions to replay"])
     checks = {outcome.session.name: outcome.apart for outcome in outcomes if outcome.run} if args.check_filter else {}
     name = shlex.quote(summaries[0].session_name)
-    onward = f"whyhot report {name}" if args.as_of is None else f"whyhot replay {name}"
+    of_model = "" if args.model is None else f" --model {shlex.quote(args.model)}"
+    onward = f"whyhot report {name}{of_model}" if args.as_of is None else f"whyhot replay {name}"
     return Answer(
         data,
         replay_text(summaries, onward, checks),

@@ -5,13 +5,15 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from replay.cli.answer import Answer, provenance, store_folder
+from replay.cli.answer import Answer, provenance, store_folder, typed
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     says = "replayed sessions (default: all), or one diagnosis as d-4f0c"
     parser.add_argument("sessions", metavar="S", nargs="*", help=says)
-    says = "model id, motor name or motor file that the replays are of (default: the last replay of each session)"
+    says = (
+        "model id, motor name or motor file that the replays are of (default: the one that is current for each session)"
+    )
     parser.add_argument("--model", metavar="M", help=says)
     parser.add_argument(
         "-o",
@@ -35,8 +37,8 @@ def run(args: argparse.Namespace) -> Answer:
     with Store.open(store_folder(args)) as store:
         known = facts.at(store.ledger)
         model = None if args.model is None else known_model(known, args.model)
-        command = ["whyhot report", *args.sessions, *([] if args.model is None else ["--model", args.model])]
-        runs = write_replay_report(store, known, args.sessions, args.out, " ".join(command), model)
+        command = typed("report", *args.sessions, model=args.model)
+        runs = write_replay_report(store, known, args.sessions, args.out, command, model)
         data = {
             "schema": "whyhot.report/1",
             "file": str(args.out),
@@ -60,7 +62,7 @@ def _of_diagnosis(args: argparse.Namespace) -> Answer:
         raise ReplayDataError(f"--model {args.model}: {name} shows the models of its own: leave --model out.")
     with Store.open(store_folder(args), write=True) as store:
         diagnosis = sealed_diagnosis(store, find_diagnosis(facts.at(store.ledger), name))
-        write_diagnosis(store, diagnosis, args.out, f"whyhot report {name}", tell)
+        write_diagnosis(store, diagnosis, args.out, typed("report", name), tell)
         data = {
             "schema": "whyhot.report/1",
             "file": str(args.out),

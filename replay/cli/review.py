@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from replay.cli.answer import Answer, provenance, store_folder
+from replay.cli.answer import Answer, provenance, store_folder, typed
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,6 +29,6 @@ def run(args: argparse.Namespace) -> Answer:
 
     with Store.open(store_folder(args), write=True) as store:
         found = review(store, args.diagnosis, tell)
-        write_review(found, args.out, context(store, f"whyhot review {args.diagnosis}"))
+        write_review(found, args.out, context(store, typed("review", args.diagnosis)))
         data = {**document(found), "file": str(args.out), "provenance": provenance(store)}
     return Answer(data, review_text(found, args.out))

@@ -164,11 +164,11 @@ function controls(plot) {
   plot.svg.parentNode.after(plot.told, bar);
 }
 
-function cursor(plot, time) {  // a line at one time in every panel of a session, and the values there
+function cursor(plot, time, begun) {  // a line at one time in every panel of a session, and the values there; one where a brush began
   for (const other of linked(plot)) {
     const {left, right} = other.panels[0].box, [from, to] = other.seen;
-    const at = left + (time - from) / (to - from) * (right - left);
-    other.mark.setAttribute("d", other.panels.map(({box}) => `M${at} ${box.top}V${box.bottom}`).join(""));
+    const marks = [time, begun].filter(at => at !== null).map(at => left + (at - from) / (to - from) * (right - left));
+    other.mark.setAttribute("d", other.panels.flatMap(({box}) => marks.map(at => `M${at} ${box.top}V${box.bottom}`)).join(""));
     const told = other.panels.flatMap(panel => panel.lines.filter(line => line.shown).map(line => {
       const value = valueAt(panel, line, time);
       return value === null ? "" : `${line.name} ${value.toPrecision(4)}`;
@@ -198,7 +198,10 @@ function explore(svg, session) {
   };
   let begun = null;
   svg.addEventListener("pointerdown", event => { begun = timeOf(event); });
-  svg.addEventListener("pointermove", event => cursor(plot, timeOf(event)));
+  svg.addEventListener("pointermove", event => {
+    if (!event.buttons) begun = null;  // let go outside of the picture
+    cursor(plot, timeOf(event), begun);
+  });
   svg.addEventListener("pointerup", event => {
     const range = [begun, timeOf(event)].sort((a, b) => a - b);
     if (begun !== null && range[1] - range[0] > 0.01 * (plot.seen[1] - plot.seen[0])) zoom(plot, range);

@@ -135,9 +135,11 @@ def course(name: str, percent_per_100h: float, batch: str | None = None, checks:
 
 
 def aged() -> Assessment:
-    """Two batches, one of which stands out, a name that is far too long, and lives that tell a law."""
+    """Two batches, one of which stands out, a name that is far too long, one of several words, and lives that tell a
+    law."""
     specimens = [course(f"S{i:02}", 2.0 + 20.0 * (i < 4), f"B{i // 4 + 1}") for i in range(8)]
     specimens[5] = replace(specimens[5], specimen=LONG)
+    specimens[6] = replace(specimens[6], specimen="rewound_after.second-oven_cycle")
     batches = [
         Batch(batch="B1", specimens=4, slope_percent_per_100h=22.0, score=5.1, outlying=True),
         Batch(batch="B2", specimens=4, slope_percent_per_100h=2.0, score=-1.4, outlying=False),

@@ -42,6 +42,15 @@ narrow.querySelectorAll("svg text").forEach(text => {
   const high = text.getBoundingClientRect().height;
   if (high > 0 && high < 9) found.push(`on a telephone "${text.textContent}" is ${high} points high`);
 });
+[still, narrow].forEach(page => page.querySelectorAll("td.name").forEach(cell => {
+  const names = page.createTreeWalker(cell, NodeFilter.SHOW_TEXT), range = page.createRange();
+  if (cell.offsetWidth < parseFloat(page.defaultView.getComputedStyle(cell).maxWidth) - 1)
+    while (names.nextNode()) for (const {0: word, index} of names.currentNode.data.matchAll(/[^\\s_.-]+/g)) {
+      range.setStart(names.currentNode, index);
+      range.setEnd(names.currentNode, index + word.length);
+      if (range.getClientRects().length > 1) found.push(`"${word}" is broken within, in a column of names`);
+    }
+}));
 narrow.querySelectorAll("details").forEach(fold => { fold.open = true; });
 const {told, axe} = narrow.defaultView;
 found.push(...told);
@@ -60,10 +69,10 @@ AXE = ROOT / "node_modules" / "axe-core" / "axe.min.js"  # what keeps people fro
 
 
 def faults(page: Path) -> list[str]:
-    """What is wrong with a page: labels of pictures that are cut or lie over one another, where it is too wide or too
-    small on a telephone, errors of its script, what it fetches, what does not work without script, and what axe-core
-    finds where that is there (npm install --no-save axe-core@4.14.1). The test is skipped where Chromium is not
-    installed."""
+    """What is wrong with a page: labels of pictures that are cut or lie over one another, names that break within a
+    word before their column is full, where it is too wide or too small on a telephone, errors of its script, what it
+    fetches, what does not work without script, and what axe-core finds where that is there (npm install --no-save
+    axe-core@4.14.1). The test is skipped where Chromium is not installed."""
     text = POLICY.sub("", page.read_text(encoding="utf-8"))
     axe = AXE.read_text(encoding="utf-8").replace("</script", "<\\/script") if AXE.is_file() else ""
     told = text.replace("<head>", f"<head>{WATCHED}").replace("</body>", f"<script>{axe}</script></body>")

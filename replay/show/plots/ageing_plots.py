@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from replay.show.plots.plots import WIDTH
 from replay.show.words import words
+from replay.show.words.courses import form
 from replay.show.words.figure import FigureTable, Plot, fitting, inline_svg, style
 from replay.show.words.palette import COLOURS, INK, SOFT
 from replay.studies.ageing.assessment import Assessment, Batch, Density, Specimen
@@ -150,9 +151,9 @@ def _draw_course(ax: Axes, one: Specimen) -> None:
     if one.change_at_dose_h is not None and one.significant:
         ax.axvline(one.change_at_dose_h, color=INK[0], linewidth=0.7, linestyle=(0, (1, 2)))
     batch = f" ({one.batch})" if one.batch else ""
-    name = fitting(f"{one.specimen}{batch}", 24)
-    form = one.form.replace("_", " ") if one.significant else "no change" if one.fitted else "too few checks"
-    ax.set_title(f"{name}: {form}", fontsize=8.5, loc="left", pad=3)
+    name = fitting(f"{one.specimen}{batch}", 18)
+    says = form(one) if one.significant else "no change" if one.fitted else "too few checks"
+    ax.set_title(f"{name}: {says}", fontsize=8.5, loc="left", pad=3)
 
 
 def _courses_table(found: Assessment) -> FigureTable:

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from replay.engine.results.run import Run
@@ -25,7 +26,7 @@ from replay.show.plots.cells import (
 )
 from replay.show.plots.plots import WIDTH
 from replay.show.words import words
-from replay.show.words.figure import FigureTable, Plot, inline_svg, name_lines, style
+from replay.show.words.figure import FigureTable, Plot, inline_svg, name_lines, style, tick
 from replay.show.words.palette import COLOURS, DASHES, DIVERGING, SOFT
 
 Floats = NDArray[np.float64]
@@ -106,7 +107,7 @@ def _draw_maps(maps: Mapping[str, Cells], load: str) -> Figure:
         ax.set_xlabel("speed [rpm]")
         ax.tick_params(labelbottom=True)
     bar = figure.add_axes((0.3, 0.45 / height, 0.4, 0.09 / height))
-    scale = figure.colorbar(colours, cax=bar, orientation="horizontal")
+    scale = figure.colorbar(colours, cax=bar, orientation="horizontal", ticks=MaxNLocator(5))
     scale.set_label("measured − model [K]")
     scale.outline.set_visible(False)
     return figure
@@ -125,7 +126,7 @@ def _draw_map(axes: Axes, node: str, cells: Cells, colours: ScalarMappable) -> N
     axes.set_yticks(_centres(cells.y_edges))
     axes.set_xlim(cells.x_edges[0], cells.x_edges[-1])
     axes.set_ylim(cells.y_edges[0], cells.y_edges[-1])
-    axes.xaxis.set_major_formatter(lambda value, _: words.number(value))
+    axes.xaxis.set_major_formatter(tick)
     draw_cells(axes, cells.x_edges, cells.y_edges, cells.mean, colours)
 
 

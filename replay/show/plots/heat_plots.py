@@ -13,7 +13,7 @@ from replay.engine.results.summary import HeatBalance, HeatPart, StoredHeat
 from replay.show.plots.plots import WIDTH, over_driving, strip, time_axis
 from replay.show.plots.sankey import draw_flows
 from replay.show.words import heat_words, words
-from replay.show.words.figure import FigureTable, Plot, inline_svg, name_lines, named, panels, style
+from replay.show.words.figure import FigureTable, Plot, inline_svg, name_lines, named, panels, style, tick
 from replay.show.words.palette import COLOURS, DASHES, INK, SOFT
 from replay.show.words.thin import thin
 
@@ -86,7 +86,7 @@ def _draw_course(axes: Axes, run: Run, colours: Mapping[str, str], columns: int)
         axes.plot(*thin(middle, smooth, columns), color=colour, linestyle=dashes, linewidth=1.1, gid=gid)
         ends.append((float(smooth[-1]), name, colour))
     axes.set_ylabel("heat [W]")
-    axes.yaxis.set_major_formatter(lambda value, _: words.number(value))
+    axes.yaxis.set_major_formatter(tick)
     name_lines(axes, ends)
 
 

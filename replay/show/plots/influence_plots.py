@@ -6,11 +6,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, MultipleLocator, NullFormatter
+from matplotlib.ticker import MultipleLocator, NullFormatter
 
 from replay.show.plots.plots import WIDTH
 from replay.show.words import words
-from replay.show.words.figure import FigureTable, Plot, inline_svg, name_lines, style
+from replay.show.words.figure import FigureTable, Plot, inline_svg, name_lines, style, tick
 from replay.show.words.palette import COLOURS, DASHES, DIVERGING, INK
 from replay.studies.characterise.protocol import Protocol, of_interest
 
@@ -104,7 +104,7 @@ def _draw_course(axes: Axes, course: np.ndarray, nodes: list[str], labels: list[
     if recorded + 1 < len(course):
         axes.axvline(recorded + 0.5, color=INK[0], linewidth=0.6)
     axes.set_yscale("log")
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.yaxis.set_major_formatter(tick)
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_xlim(-0.1, places[-1] + 0.1)
     axes.xaxis.set_major_locator(MultipleLocator(1))

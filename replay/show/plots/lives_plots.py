@@ -12,7 +12,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 
 from replay.show.plots.plots import WIDTH
 from replay.show.words import words
-from replay.show.words.figure import KEY_ABOVE, FigureTable, Plot, inline_svg, style
+from replay.show.words.figure import KEY_ABOVE, FigureTable, Plot, inline_svg, style, tick
 from replay.show.words.palette import COLOURS, DASHES, INK, SOFT
 from replay.studies.ageing.assessment import AssessedLives, OneLife
 
@@ -41,7 +41,7 @@ def arrhenius(life: AssessedLives, key: str) -> Plot | None:
         ax.set_xlim(_place(temperatures[0] - 6), _place(temperatures[-1] + 6))
         ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         ax.yaxis.set_minor_locator(NullLocator())
-        ax.yaxis.set_major_formatter(lambda value, _: f"{value:,g}")
+        ax.yaxis.set_major_formatter(tick)
         ax.set_xlabel("temperature of the dose [°C], as 1/T")
         ax.set_ylabel("life [h]")
         if life.law:

@@ -20,7 +20,7 @@ from replay.show.plots.plots import (
     time_axis,
 )
 from replay.show.words import heat_words, words
-from replay.show.words.figure import KEY_ABOVE, FigureTable, Plot, inline_svg, named, panels, style
+from replay.show.words.figure import KEY_ABOVE, FigureTable, Plot, inline_svg, named, panels, style, tick
 from replay.show.words.palette import COLOURS, DASHES, INK
 
 Floats = NDArray[np.float64]
@@ -75,7 +75,7 @@ def _draw(axes: Axes, time: TimeAxis, metered: Metered, shown: tuple[str, float]
     gids = [named(f"{metered.channel} {what} [{unit}]") for what in ("measured", "model")]
     draw(axes, time, metered.t_ns, measured, columns, metered.used, **solid, label="measured", gid=gids[0])
     draw(axes, time, metered.t_ns, modelled, columns, **dashed, label="model", gid=gids[1])
-    axes.yaxis.set_major_formatter(lambda value, _: f"{value:,.4g}".replace("-", "−"))
+    axes.yaxis.set_major_formatter(tick)
     axes.legend(**KEY_ABOVE, ncols=2, handlelength=2.6)
 
 

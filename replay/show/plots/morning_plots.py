@@ -14,7 +14,7 @@ from ingest.catalogue.operating_points import OperatingPoints
 from ingest.morning.morning import Before, Night
 from replay.show.plots.plots import ROWS, WIDTH, TimeAxis, draw, instants
 from replay.show.words import words
-from replay.show.words.figure import KEY_ABOVE, FigureTable, Plot, inline_svg, name_lines, named, panels, style
+from replay.show.words.figure import KEY_ABOVE, FigureTable, Plot, inline_svg, name_lines, named, panels, style, tick
 from replay.show.words.palette import COLOURS, DASHES, INK
 from replay.show.words.thin import thin
 
@@ -45,7 +45,7 @@ def course(night: Night, columns: int) -> Plot | None:
             own: Any = {"color": INK[0], "linewidth": 0.8, "gid": named(f"{one.spec.quantity} {unit}")}
             draw(ax, time, one.t_ns, one.value / (1000 if thousand else 1), columns, **own)
             ax.set_ylabel(f"{one.spec.quantity}\n{unit}")
-            ax.yaxis.set_major_formatter(lambda value, _: words.number(value))
+            ax.yaxis.set_major_formatter(tick)
         for ax, group in zip(axes[len(drives) :], groups, strict=True):
             for one, colour in zip(group, COLOURS, strict=False):
                 own = {"color": colour, "linewidth": 1.1, "gid": named(f"{one.spec.name} [°C]")}
@@ -107,7 +107,7 @@ def operating_map(points: OperatingPoints, key: str) -> Plot:
         ax.set_xlim(points.x_edges[0], points.x_edges[-1])
         ax.set_ylim(points.y_edges[0], points.y_edges[-1])
         for axis in (ax.xaxis, ax.yaxis):
-            axis.set_major_formatter(lambda value, _: words.number(value))
+            axis.set_major_formatter(tick)
         ax.set_xlabel("speed [rpm]")
         ax.set_ylabel(f"{load} [{unit}]")
         svg = inline_svg(figure, title)

@@ -25,6 +25,7 @@ from replay.show.words.figure import (
     panels,
     save,
     style,
+    tick,
 )
 from replay.show.words.findings import finding, worst_first
 from replay.show.words.palette import COLOURS, DASHES, INK, PAPER, SERIES, SOFT
@@ -248,7 +249,7 @@ def _draw_inputs(axes: Axes, unit: str, series: Mapping[str, tuple[Floats, Float
         end = float(y[np.isfinite(y)][-1]) if np.isfinite(y).any() else 0.0
         ends.append((end, words.name(name.rpartition("_")[0]), colour))
     axes.set_ylabel("\n".join((AXES[unit][0], f"[{AXES[unit][1]}]")), fontsize=SMALL)
-    axes.yaxis.set_major_formatter(lambda value, _: words.number(value))
+    axes.yaxis.set_major_formatter(tick)
     if not alone:
         name_lines(axes, ends)
 

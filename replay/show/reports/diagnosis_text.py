@@ -112,7 +112,7 @@ def _cause(diagnosis: Diagnosis, cause: Named) -> Iterator[tuple[str, Sequence[s
         test = [f"Test that would: {cause.separating_test}"] if cause.separating_test else []
         yield "Not told apart", [*told, share, *test]
     else:
-        yield "Not told apart", ["nothing within ln 20"]
+        yield "Not told apart", [verdict.alone(cause)]
 
 
 def _evidence(diagnosis: Diagnosis, cause: Named) -> str:

@@ -35,7 +35,8 @@ def write_replay_report(
     store: Store, facts: Facts, sessions: Sequence[str], target: Path, command: str, model: str | None = None
 ) -> list[Run]:
     """The report of the latest run of each session (all replayed ones where none is named), with the model of id
-    `model`, None for any; returns these runs. Raises ReplayDataError where a session has no such run."""
+    `model`, None for the one that is current; returns these runs. Raises ReplayDataError where a session has no such
+    run."""
     chosen = facts.named(sessions) or [one for one in facts.sessions if latest_run(facts, one, model)]
     if not chosen:
         raise ReplayDataError(f"no session of this store was replayed{_with(facts, model)}, then report.")
@@ -173,7 +174,7 @@ def current_run(facts: Facts, session: SessionRecorded) -> ReplayCompleted | Non
 
 
 def _run_of(facts: Facts, session: SessionRecorded, model: str | None) -> ReplayCompleted:
-    event = latest_run(facts, session, model)
+    event = latest_run(facts, session, model) if model else current_run(facts, session)
     if event is None:
         raise ReplayDataError(f"session {session.name} was not replayed{_with(facts, model, session.name)}")
     return event

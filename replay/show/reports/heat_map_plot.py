@@ -11,7 +11,7 @@ from replay.show.plots.error_maps import draw_cells, residual_colours
 from replay.show.plots.plots import WIDTH
 from replay.show.reports import verdict
 from replay.show.words import words
-from replay.show.words.figure import FigureTable, Plot, inline_svg, style
+from replay.show.words.figure import FigureTable, Plot, inline_svg, style, tick
 from replay.studies.diagnosis.answer import Diagnosis, HeatOverLoad, UnnamedHeat
 
 Floats = NDArray[np.float64]
@@ -41,7 +41,7 @@ def _plot(diagnosis: Diagnosis, heat: UnnamedHeat, found: HeatOverLoad) -> Plot:
         x, y = _edges(speeds), _edges(loads)
         draw_cells(axes, x, y, np.where(there, watts, np.nan), colours)
         axes.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]), xlabel="speed [rpm]", ylabel=f"{name} [{unit}]")
-        axes.xaxis.set_major_formatter(lambda value, _: words.number(value))
+        axes.xaxis.set_major_formatter(tick)
         scale = figure.colorbar(colours, cax=figure.add_axes((0.89, 0.18, 0.015, 0.77)))
         scale.set_label("heat beside the usual [W]")
         scale.outline.set_visible(False)

@@ -9,9 +9,20 @@ from matplotlib.axes import Axes
 
 from replay.show.plots.compare import MODELS
 from replay.show.plots.plots import WIDTH
-from replay.show.reports.verdict import figures, unit
+from replay.show.reports.verdict import figures
 from replay.show.words import words
-from replay.show.words.figure import KEY_ABOVE, MOVING, FigureTable, Plot, inline_svg, name_lines, named, panels, style
+from replay.show.words.figure import (
+    KEY_ABOVE,
+    MOVING,
+    FigureTable,
+    Plot,
+    inline_svg,
+    name_lines,
+    named,
+    panels,
+    style,
+    tick,
+)
 from replay.show.words.palette import SERIES, SOFT, rival_lines
 from replay.studies.diagnosis.answer import Diagnosis, LawCourse
 
@@ -38,9 +49,9 @@ def _plot(diagnosis: Diagnosis, law: LawCourse) -> Plot:
 
 def _title(law: LawCourse) -> str:
     """ "Rotor surface to teeth at 12,681 rpm and 147 A: 17.5 W/K with the cause (13.2 to 21.7), 9.4 recalibrated"."""
-    load = " and ".join(f"{words.number(round(value))} {unit(key.rpartition('_')[2])}" for key, value in law.at.items())
+    load = [f"{words.number(round(value))} {words.unit(key.rpartition('_')[2])}" for key, value in law.at.items()]
     last = max(i for i, speed in enumerate(law.speed_rpm) if speed <= law.trained_rpm[-1][1])
-    at = f"{words.number(round(law.speed_rpm[last]))} rpm and {load}"
+    at = f"{words.number(round(law.speed_rpm[last]))} rpm and {' and '.join(load)}"
     ends = [figures(values[last]) for values in (law.extended, law.low, law.high, law.recalibrated, law.published)]
     found, low, high, recalibrated, published = ends
     place = words.capital(words.name(law.place).replace("-", " to "))
@@ -69,7 +80,7 @@ def _draw(axes: Axes, law: LawCourse) -> None:
         axes.legend(**KEY_ABOVE, ncols=1, handlelength=2.6, labelspacing=0.2)
     axes.set_xlim(law.speed_rpm[0], law.speed_rpm[-1])
     axes.set_xlabel("speed [rpm]")
-    axes.xaxis.set_major_formatter(lambda value, _: words.number(value))
+    axes.xaxis.set_major_formatter(tick)
     axes.set_ylabel(f"{'loss' if law.unit == 'W' else 'conductance'}\n[{law.unit}]")
     name_lines(axes, ends)
 

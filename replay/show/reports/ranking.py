@@ -22,7 +22,8 @@ ROW, MARGIN = 0.38, 0.8  # inches: height of a bar with its name, of what is abo
 ABOVE = 0.25  # rows: room for the name of the first bar
 READING = (
     "ln BF: natural logarithm of how many times better the recordings fit with this cause than without, all "
-    "coefficients free. Null: what the best candidate reaches by chance in 1 of 20 cases where nothing is wrong."
+    "coefficients free; of what was named by leaving it out at the end, of rivals when they were tried. Null: what the "
+    "best candidate reaches by chance in 1 of 20 cases where nothing is wrong."
 )
 
 
@@ -70,9 +71,9 @@ def _title(diagnosis: Diagnosis, bars: Sequence[Bar]) -> str:
         best = f"{bars[0].name} at ln BF {figures(bars[0].log_bayes_factor)}"
         return f"No candidate was named: the best is {best} ({limits})"
     rivals = [bar.log_bayes_factor for bar in bars if bar.ended not in (NAMED, UNKNOWN)]
-    ahead = lead.log_bayes_factor - max(rivals, default=0.0)
-    margin = f", {figures(ahead)} ahead of the best rival" if rivals and ahead > 0 else ""
-    return f"{lead.name}: ln BF {figures(lead.log_bayes_factor)}{margin} ({limits})"
+    best = f", best rival {figures(max(rivals))}" if rivals else ""
+    refused = ", refused as told below" * (max(rivals, default=0.0) > lead.log_bayes_factor)
+    return f"{lead.name}: ln BF {figures(lead.log_bayes_factor)}{best}{refused} ({limits})"
 
 
 def _draw(diagnosis: Diagnosis, bars: Sequence[Bar]) -> Figure:

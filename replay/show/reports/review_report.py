@@ -67,7 +67,7 @@ def standing(found: Review) -> str:
 
 def built_on(found: Review) -> str:
     """What would have to be asked again were it taken back."""
-    return f"Made with it since: {words.joined(found.built_on) or 'nothing'}."
+    return f"Made with it since, beside the replays shown here: {words.joined(found.built_on) or 'nothing'}."
 
 
 def document(found: Review) -> dict[str, Any]:

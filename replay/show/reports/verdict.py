@@ -13,7 +13,6 @@ from replay.show.words import words
 from replay.studies.diagnosis.answer import Diagnosis, EvidenceParts, Named, Shown, UnnamedHeat
 from twin.motor.causes import parse, says
 
-UNITS: Mapping[str, str] = {"degC": "°C", "lpm": "l/min"}  # as stored -> as people write it
 ON_THE_BENCH = ("sensor", "clock", "input", "boundary")  # kinds of cause that the bench file corrects
 NO_SIZE = ("hold", "stuck", "saturation", "dropout", "undersampled")  # faults that are there or not
 UNUSUAL = 4.0  # prior sd of a cause: one that is larger says so
@@ -120,11 +119,6 @@ def signed(value: float) -> str:
     return f"{'+' if value > 0 else ''}{figures(value)}"
 
 
-def unit(stored: str) -> str:
-    """A stored unit as people write it."""
-    return UNITS.get(stored, stored)
-
-
 def is_exchange(cause: Named) -> bool:
     """Whether it is that two channels are exchanged."""
     return parse(cause.id).law.startswith("swap_")
@@ -142,7 +136,7 @@ def size(cause: Named) -> str:
 
 def amount(estimate: float, ci95: Sequence[float], stored: str) -> str:
     """ "+96 W (88 to 104)", "+3.1 % (2.8 to 3.4)" of a share, in the unit "1"."""
-    scale, written = (100.0, "%") if stored == "1" else (1.0, unit(stored))
+    scale, written = (100.0, "%") if stored == "1" else (1.0, words.unit(stored))
     low, high = (figures(scale * end) for end in ci95)
     return f"{' '.join(filter(None, [signed(scale * estimate), written]))} ({low} to {high})"
 
@@ -177,6 +171,12 @@ def is_loss_at(cause: Named, node: str) -> bool:
     told = [parse(other) for other in (cause.id, *cause.indistinguishable_from)]
     at_node = any(other.kind == "loss" and other.place == node for other in told)
     return at_node or (told[0].kind == "loss" and node in cause.members)
+
+
+def alone(cause: Named) -> str:
+    """That nothing looks like a cause; "" where something does."""
+    told = "nothing: every other candidate is more than 3 behind in ln BF (20 times less probable)"
+    return "" if cause.indistinguishable_from else told
 
 
 def rivals_left(cause: Named) -> list[tuple[str, str]]:
@@ -236,7 +236,7 @@ def active(heat: UnnamedHeat) -> str:
         ends = [words.number(words.rounded(end)) for end in (low, high)]
         span = f"about {ends[0]}" if ends[0] == ends[1] else " to ".join(ends)
         subject = "it" if name == heat.node else words.name(name)
-        parts.append(f"{subject} is {span} {unit(stored)}")
+        parts.append(f"{subject} is {span} {words.unit(stored)}")
     return ", ".join(filter(None, [way, f"when {words.joined(parts)}" if parts else ""]))
 
 
@@ -262,8 +262,8 @@ def unexplained(heat: UnnamedHeat) -> str:
 def comes_from(evidence: EvidenceParts) -> str:
     """ "1.9 fit (readings are met more closely), 17.2 priors relieved (other numbers move less, mostly form of the
     losses in iron: 12.1), −2.5 rest"."""
-    most = next(((name, value) for name, value in evidence.relieved.items() if value >= LEAST_SHARE), None)
-    family = f", mostly {most[0]}: {_tenths(most[1])}" if most else ""
+    most, value = max(evidence.relieved.items(), key=lambda one: one[1], default=("", 0.0))
+    family = f", mostly {most}: {_tenths(value)}" if value >= LEAST_SHARE else ""
     closely = "more" if evidence.fit >= 0 else "less"
     move = f"less{family}" if evidence.priors_relieved >= 0 else "further"
     return (

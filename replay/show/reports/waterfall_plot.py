@@ -21,7 +21,7 @@ from replay.studies.diagnosis.answer import ChainStep, Diagnosis, KeptGain
 ABREAST, MOST = 3, 6  # nodes beside one another, and drawn at all: the table holds every node
 ROW, ABOVE, BELOW = 0.17, 0.24, 0.4  # inches: height of a step's bar, of what is over each block and under the last
 ROOM = 1.4  # of the longest bar: its figure stands behind it
-LONGEST = 38  # letters of a step's name
+LONGEST = 44  # letters of a step's name
 PUBLISHED, COEFFICIENTS, CORRECTIONS, LEFT = "as published", "coefficients", "readings' corrections", "what is left"
 NOTE = (
     "Mean error on kept sessions, replayed against readings as recorded. Blue: what a step takes; vermillion: what it "

@@ -8,6 +8,7 @@ from typing import Any
 
 from ingest.catalogue.page import table
 from replay.show.words import words
+from replay.show.words.courses import FORMS, form
 from replay.show.words.terminal import labelled
 from replay.show.words.width import width
 from replay.studies.ageing.assessment import AgeingLaw, Assessment, Batch, FleetCounts, LivesLaw, Specimen, StressEffect
@@ -15,12 +16,6 @@ from replay.studies.ageing.whole import rank
 
 ROWS = 12  # specimens or batches in a table; of more, those that stand out most
 NAMED = 8  # specimens or batches in a sentence
-FORMS = {
-    "none": "no change beyond repeatability",
-    "monotone": "rising steadily",
-    "dip_then_rise": "falling first, then rising",
-    "changepoint": "changing course",
-}
 TOO_FEW = "too few checks for a course"
 
 
@@ -62,7 +57,7 @@ def answer(found: Assessment) -> str:
         told = {FORMS["none"]: same, TOO_FEW: few, "no check": unseen}
         parts += [f"{words.joined(names)}: {says}." for says, names in told.items() if names]
     else:
-        counts = words.joined([f"{count:,} {FORMS[form]}" for form, count in whole.changed.items()])
+        counts = words.joined([f"{count:,} {FORMS[name]}" for name, count in whole.changed.items()])
         parts.append(f"{how_many_change(whole)} beyond repeatability" + (f" ({counts})." if counts else "."))
     return " ".join([*parts, standing_out(found)])
 
@@ -79,8 +74,7 @@ def course(one: Specimen) -> str:
     """One specimen's course in words."""
     if one.fitted is None:
         return TOO_FEW if one.checks else "no check"
-    falls = one.form == "monotone" and (one.slope_percent_per_100h or 0.0) < 0.0
-    text = "falling steadily" if falls else FORMS[one.form]
+    text = form(one)
     if one.change_at_dose_h is not None:
         text += f" at {one.change_at_dose_h:.0f} h"
     if one.level_from_dose_h is not None:

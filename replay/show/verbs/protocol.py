@@ -13,8 +13,10 @@ from replay.engine.results.as_json import to_json
 from replay.engine.results.summary import Summary
 from replay.show.verbs.intake import session_json
 from replay.show.words import words
+from replay.show.words.onward import BETWEEN
 from replay.show.words.terminal import labelled
 from replay.studies.characterise.protocol import MOVES_K, Protocol, of_interest
+from replay.studies.diagnosis.question import LEAST_S
 
 SHOWN = 12  # parameters that a person reads
 ENOUGH = 0.9  # of what all points not run would teach: so many are said to be worth running
@@ -76,7 +78,6 @@ def document(found: Protocol) -> dict[str, Any]:
 
 def protocol_text(found: Protocol) -> str:
     """What `whyhot protocol` prints. No colours, no trailing newline."""
-    event = found.calibration.event
     lines = [line for warning in found.warnings for line in labelled("Motor file", warning)]
     lines += ["", *labelled("Answer", answer(found))] if lines else labelled("Answer", answer(found))
     lines += ["", *_influence(found)]
@@ -86,9 +87,14 @@ def protocol_text(found: Protocol) -> str:
     lines += ["", *_checked(found), ""]
     for text in filter_notes(found):
         lines += labelled("Filter", text)
-    model, drives = words.short(event.model), shlex.join(session.name for session in found.drives)
-    diagnose = f"whyhot diagnose --on {drives} --model {model}"
-    return "\n".join([*lines, *labelled("Next", f"whyhot replay --model {model} · {diagnose}")])
+    return "\n".join([*lines, *labelled("Next", BETWEEN.join(_commands(found)))])
+
+
+def _commands(found: Protocol) -> list[str]:
+    """What to type next; the drives are asked for a cause where they are long enough."""
+    model, drives = words.short(found.calibration.event.model), shlex.join(one.name for one in found.drives)
+    enough = sum(one.end_ns - one.start_ns for one in found.drives) / 1e9 >= LEAST_S
+    return [f"whyhot replay --model {model}"] + [f"whyhot diagnose --on {drives} --model {model}"] * enough
 
 
 def answer(found: Protocol) -> str:

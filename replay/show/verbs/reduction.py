@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 
 from replay.show.words import words
-from replay.show.words.figure import save_svg, style
+from replay.show.words.figure import save_svg, style, tick
 from replay.show.words.palette import COLOURS, DASHES, INK, PAPER, SOFT
 
 SMALLER = 0.92  # a row of the table has at most this share of the nodes of the row above
@@ -84,7 +84,7 @@ def draw_curve(data: Mapping[str, Any], target: Path) -> None:
         ticks = [size for size in (2, 3, 5, 10, 20, 50, 100, 200, 500, 1000) if sizes[-1] <= size <= sizes[0]]
         axes.xaxis.set_major_locator(FixedLocator(ticks))
         axes.xaxis.set_minor_locator(NullLocator())
-        axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        axes.xaxis.set_major_formatter(tick)
         axes.set_ylim(bottom=0)
         axes.set_xlabel("nodes")
         axes.set_ylabel("mean error against all nodes [K]")

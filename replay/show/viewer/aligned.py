@@ -111,7 +111,7 @@ def _layout(sessions: Sequence[SessionSeen]) -> Any:
         columns.append(rrb.Vertical(above, below, row_shares=[3, 2]))
     driven = {channel.spec.quantity for one in sessions for channel in operating(one.channels).values()}
     drive = [
-        series(f"{quantity} [{STORED_UNIT[quantity]}]", [f"+ /{path('inputs', quantity)}/**"])
+        series(f"{quantity} [{words.unit(STORED_UNIT[quantity])}]", [f"+ /{path('inputs', quantity)}/**"])
         for quantity in sorted(driven)
     ]
     grid = rrb.Grid(*columns, grid_columns=min(FIRST, max(1, len(columns))))

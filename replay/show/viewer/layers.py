@@ -55,7 +55,7 @@ def write_layers(seen: SessionSeen, folder: Path) -> list[Path]:
         layers["filtered"] = lambda to: _filtered(to, first)
     if seen.network and seen.last:
         network, (_, last) = seen.network, seen.last
-        layers["network"] = lambda to: draw_motor(to, network, last)
+        layers["network"] = lambda to: draw_motor(to, network, last, seen.session.start_ns)
     sdk()
     folder.mkdir(parents=True, exist_ok=True)
     paths = []

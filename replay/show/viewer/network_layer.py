@@ -25,8 +25,9 @@ INCH = 130.0  # of the network's picture, in units of the graph
 TALL = 0.8  # of its height: names are wide, so boxes may stand closer over one another
 
 
-def draw_motor(to: LayerFile, network: Network, run: Run) -> None:
-    """Graph, cut motor and scale of colours, by the temperatures of `run`."""
+def draw_motor(to: LayerFile, network: Network, run: Run, begins_ns: int) -> None:
+    """Graph, cut motor and scale of colours, by the temperatures of `run`. The first stand from `begins_ns` on, where
+    the viewer opens: before a run's first step the motor would have no colour."""
     at = np.unique(np.linspace(0, run.t_ns.size - 1, INSTANTS).astype(np.intp))
     degC = {node: run.temperatures[at, i] for i, node in enumerate(run.nodes)}
     for boundary in network.boundaries:
@@ -37,9 +38,10 @@ def draw_motor(to: LayerFile, network: Network, run: Run) -> None:
     steps = np.linspace(low, high, STEPS)
     to.key("temperature", dict(zip((f"{step:.0f} °C" for step in steps), map(_hex, _share(steps)), strict=True)))
     colours = {name: [rgba(_hex(share)) for share in _share(values, low, high)] for name, values in degC.items()}
-    _graph(to, network, run.t_ns[at], degC, colours)
+    t_ns = np.r_[min(begins_ns, int(run.t_ns[0])), run.t_ns[at[1:]]]
+    _graph(to, network, t_ns, degC, colours)
     for part in parts(network):
-        _part(to, part, run.t_ns[at], colours[part.node])
+        _part(to, part, t_ns, colours[part.node])
 
 
 def _share(values: Floats, low: float | None = None, high: float | None = None) -> Floats:

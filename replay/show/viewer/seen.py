@@ -101,7 +101,7 @@ def rgba(colour: str) -> int:
 
 def unit(spec: ResolvedChannel) -> str:
     """The unit of a channel's stored values, as people write it."""
-    return (spec.stored_unit or "").replace("degC", "°C")
+    return words.unit(spec.stored_unit or "")
 
 
 def sdk() -> Any:

@@ -204,6 +204,11 @@ def kept_apart(axes: Axes, names: Sequence[tuple[float, str]]) -> list[tuple[flo
     return [(float(place), text) for place, (_, text) in zip(places, ranked, strict=True)]
 
 
+def tick(value: float, _: object) -> str:
+    """What stands at a tick of an axis: no digit is lost that tells it from the next, thousands are apart."""
+    return f"{value:,.10g}".replace("-", "−")
+
+
 def fitting(name: str, longest: int = LONGEST) -> str:
     """A name as it is shown, in the room that so many usual letters take: both ends tell it from its neighbours."""
     shown = plain_line(name)

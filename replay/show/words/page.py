@@ -8,7 +8,7 @@ from hashlib import sha256
 from importlib.resources import files
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from ingest.texts.plain import plain
 from ingest.texts.times import clock
@@ -33,6 +33,7 @@ def template(name: str) -> Template:
     environment.filters.update(
         kelvin=words.kelvin,
         unbroken=_unbroken,
+        breaking=_breaking,
         meanerror=findings.mean_error,
         figures=words.figures,
         signed_kelvin=words.signed_kelvin,
@@ -56,6 +57,11 @@ def _plain(value: object) -> object:
 def _unbroken(text: str) -> str:
     """A number and its unit, and "6.1 → 0.9 K", stay on one line."""
     return re.sub(r"(?<=\d) (?=[°%→A-Za-z])|(?<=→) ", "\N{NO-BREAK SPACE}", text.replace("->", "→"))
+
+
+def _breaking(name: str) -> Markup:
+    """A name that may go on in a new line behind "_", "-" and ".", rather than within a word."""
+    return Markup(re.sub(r"(?<=[_.-])(?=.)", "<wbr>", str(escape(plain(name)))))
 
 
 def _contents(body: str) -> Markup:

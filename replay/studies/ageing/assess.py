@@ -393,7 +393,7 @@ def _seal_answer(
 ) -> None:
     """Seal the answer, and say so in the ledger: its tables are sealed (`artefacts`), `sessions` hold its checks, of a
     fleet's the first `MOST`: all are in the table of checks."""
-    answer = json.dumps(document(found, {}), sort_keys=True).encode()
+    answer = json.dumps(document(found, {})).encode()  # keys in order, so that it is told again as it was told
     store.ledger.append(
         f"ageing-{found.assessment}",
         AgeingAssessed(

@@ -163,7 +163,7 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
 def _keep(question: Question, answer: Diagnosis, key: dict[str, Any]) -> None:
     """Seal the answer and append its facts: what was named, extended, measured."""
     store, facts, name = question.store, question.facts, f"diagnosis-{answer.diagnosis}"
-    artefact = store.archive.seal(json.dumps(document(answer, {}), sort_keys=True).encode())
+    artefact = store.archive.seal(json.dumps(document(answer, {})).encode())  # in order: the largest first
     facts_of: list[tuple[str, Event]] = []
     if answer.held_out:  # with the answer: where there is none, nobody saw what the kept sessions say
         facts_of.append((name, HeldOutOpened(diagnosis=answer.diagnosis, sessions=answer.held_out)))

@@ -67,7 +67,8 @@ class ReviewedKind:
 @dataclass(frozen=True)
 class Review:
     """The change of a diagnosis: `causes` that go into the files, `accepted` by which event (None: offered only),
-    `replaced` files, and what they do to `readings`; `built_on`: what was made with its motor file since, in words."""
+    `replaced` files, and what they do to `readings`; `built_on`: what else was made with its motor file since, in
+    words."""
 
     diagnosis: Diagnosis
     causes: tuple[str, ...]
@@ -107,7 +108,7 @@ def review(store: Store, text: str, tell: Tell) -> Review:
         ),
         sessions=tuple(sessions),
         readings=tuple(one for session in sessions for one in _readings(facts, found, session, runs)),
-        built_on=tuple(_built_on(facts, model, found.diagnosis)) if model else (),
+        built_on=tuple(_built_on(facts, model, found)) if model else (),
     )
 
 
@@ -127,18 +128,20 @@ def _runs(store: Store, sessions: Sequence[SessionRecorded], model: str, level: 
     return {one.session.session: load_run(store, facts, one.run) for one in outcomes if one.run}
 
 
-def _built_on(facts: Facts, model: str, own: str) -> Iterator[str]:
-    """What stands that was made with a motor file, or with one that was made from it."""
+def _built_on(facts: Facts, model: str, own: Diagnosis) -> Iterator[str]:
+    """What stands that was made with a motor file, or with one that was made from it, beside the replays of the
+    diagnosis' `own` sessions: the review makes these itself."""
     made = {model}
     while more := {one.model for one in facts.models.values() if one.parent in made} - made:
         made |= more
-    if replays := sum(one.model in made for one in facts.runs.values()):
-        yield f"{replays} replay{'s' * (replays != 1)}"
+    asked = {*own.train, *own.held_out}
+    if replays := sum(one.model in made and one.session not in asked for one in facts.runs.values()):
+        yield f"{replays} replay{'s' * (replays != 1)} of other sessions"
     for one in facts.calibrations.values():
         if one.parent in made:
             yield f"calibration {handle(one.calibration)}"
     for key, completed in facts.diagnoses.items():
-        if key != own and completed.key.get("model") in made:
+        if key != own.diagnosis and completed.key.get("model") in made:
             yield f"diagnosis d-{handle(key)}"
 
 

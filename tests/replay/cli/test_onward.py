@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from argparse import Namespace
 from pathlib import Path
 
 import pytest
 
 from made import can_bench
 from made.onward import followed
+from replay.cli.asked import asked_by
 from replay.show.words.onward import BETWEEN, DEFAULT_STORE, on_store, onward
 from replay.show.words.terminal import labelled
 
@@ -35,7 +37,7 @@ def test_every_next_command_runs_as_it_is_printed(
         ["ingest", *logs, "--bench", "bench.toml", *store],
         ["sessions", *store],
         [],
-        ["repeat", "1 s1", "2_s1", *store],
+        ["repeat", "1 s1", "2_s1", "--report", "repeat.html", *store],
         ["replay", "2_s1", *store],
         ["attach", "motor.toml", "--specimen", "servo-01", "--finding", "none", *store],
         ["bench", "export", "bench.toml", "-o", "again.toml", *store],
@@ -43,6 +45,9 @@ def test_every_next_command_runs_as_it_is_printed(
     by = followed(begin, capsys)
     assert {verb for verb, said in by.items() if said} >= {words[0] if words else "" for words in begin} | {"show"}
     assert any(one.startswith("whyhot show --store 'the store' '") for said in by.values() for one in said)
+    assert "whyhot repeat &#39;1 s1&#39; 2_s1" in Path("repeat.html").read_text(encoding="utf-8"), "as it was typed"
+    (kept,) = (one for one in by["morning"] if one.endswith("--ingest"))
+    assert "--bench bench.toml --dbc bench.dbc" in kept, "read as they were looked at"
     put_right = [
         ["correct", "2_s1", "--kind", "wltp", "--reason", "as the bench says", *store],
         ["backup", "a copy", *store],
@@ -52,6 +57,13 @@ def test_every_next_command_runs_as_it_is_printed(
     ]
     by = followed(put_right, capsys)
     assert {verb for verb, said in by.items() if said} >= {words[0] for words in put_right} - {"forget"}
+
+
+def test_a_page_says_every_option_that_it_was_asked_with() -> None:
+    args = Namespace(on=["1 s1", "2_s2"], model=None, level="production")
+    assert asked_by("diagnose", args, hold_out=[]) == "whyhot diagnose --on '1 s1' 2_s2 --level production"
+    args = Namespace(on=["1_s1"], model="m.toml", level="testing")
+    assert asked_by("diagnose", args, hold_out=["3"]) == "whyhot diagnose --on 1_s1 --hold-out 3 --model m.toml"
 
 
 def test_the_default_store_is_not_said() -> None:

@@ -9,6 +9,7 @@ import select
 import struct
 import sys
 import termios
+from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import StringIO
@@ -17,6 +18,7 @@ from typing import TextIO
 import pytest
 
 from replay.cli import main, progress
+from replay.cli.answer import Answer, deliver
 from replay.cli.colour import coloured
 from replay.show.words.terminal import labelled
 from replay.show.words.width import width
@@ -93,6 +95,19 @@ def test_a_refusal_is_red_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None
         stream.flush()
         printed = os.read(reads, 1000).decode()
     assert printed.strip() == "\033[1;31mwhyhot: replya is no verb. Nearest: replay. whyhot --help lists all\033[0m"
+
+
+def test_a_note_of_what_was_done_is_not_red(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    args = Namespace(json=None, store=None)
+    with terminal(100) as (stream, reads), monkeypatch.context() as patched:
+        patched.setattr(sys, "stderr", stream)
+        for code in (0, 1):
+            deliver(args, Answer({}, "", code, ["day.csv"]))
+        stream.flush()
+        printed = os.read(reads, 1000).decode()
+    assert printed.replace("\r\033[K", "").split() == ["day.csv", "\033[1;31mday.csv\033[0m"]
 
 
 def test_progress_tells_pace_and_time_left_beside_its_count(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import shlex
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from made import can_bench
+from made.onward import next_commands
 from replay.cli import main
 
 
@@ -31,6 +33,18 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ):
         assert main([*words, "--store", str(folder / "store")]) == 0
     return folder
+
+
+def test_the_next_command_of_a_replay_reports_that_replay(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Asked again, a replay is not recorded again: the last one recorded may be of another motor file."""
+    store, hotter = ["--store", str(bench / "store")], str(bench / "hotter.toml")
+    for words in (["replay", "1_first"], ["replay", "1_first", "--model", hotter]):
+        assert main([*words, *store]) == 0
+        (command,) = next_commands(capsys.readouterr().out)
+        assert main([*words, *store, "--json"]) == 0
+        (replayed,) = json.loads(capsys.readouterr().out)["runs"]
+        assert main([*shlex.split(command)[1:], "--out", str(bench / "next.html"), "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)["runs"] == [replayed["run"]]
 
 
 def reported(bench: Path, capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, str]:
@@ -56,12 +70,12 @@ def refused(bench: Path, capsys: pytest.CaptureFixture[str], *words: str) -> str
     return capsys.readouterr().err.strip()
 
 
-def test_a_report_shows_the_last_replay_and_with_a_model_those_of_that_model(
+def test_a_report_shows_the_replay_with_the_current_model_and_with_a_model_those_of_that_model(
     bench: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     old, hotter = (next(run["model"] for run in some) for some in (runs(bench, capsys), runs(bench, capsys)[::-1]))
     assert old != hotter
-    assert reported(bench, capsys) == {"1_first": hotter, "2_second": old}
+    assert reported(bench, capsys) == {"1_first": old, "2_second": old}
     assert reported(bench, capsys, "--model", old[:8]) == {"1_first": old, "2_second": old}
     assert reported(bench, capsys, "1_first", "--model", str(bench / "motor.toml")) == {"1_first": old}
     assert reported(bench, capsys, "--model", str(bench / "hotter.toml")) == {"1_first": hotter}

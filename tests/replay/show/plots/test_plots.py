@@ -124,6 +124,16 @@ def test_a_panel_without_a_cell_of_enough_data_is_left_out() -> None:
     assert brief is not None and "time since start" not in brief.svg and "measured temperature" in brief.svg
 
 
+def test_no_tick_of_an_axis_loses_the_digit_that_tells_it_from_the_next() -> None:
+    run = made_run()
+    run.inputs["current_A"][:] = np.linspace(70.6, 71.4, run.inputs["current_A"].size)
+    run.inputs["speed_rpm"][:] = np.linspace(-4000.0, 4000.0, run.inputs["speed_rpm"].size)
+    plot = inputs_over_time(run, 600)
+    assert plot is not None
+    assert re.findall(r">(7[01][.\d]*)</text>", plot.svg) == ["70.75", "71", "71.25"]
+    assert ">−2,500</text>" in plot.svg
+
+
 def test_an_input_without_a_value_has_no_panel() -> None:
     run = made_run()
     run.inputs["current_A"][:] = np.nan

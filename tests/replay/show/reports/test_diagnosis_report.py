@@ -90,6 +90,7 @@ def test_links_lead_from_the_answer_to_what_it_rests_on(html: str) -> None:
     links = re.findall(r'<a href="#([\w-]+)"', lead)
     assert links == ["cause-1", "evidence-1"]
     assert all(html.count(f' id="{link}"') == 1 for link in links)
+    assert "what cannot be told from it</a>" in lead, "no test is promised where none follows"
 
 
 def test_it_says_which_command_leads_to_the_bytes(html: str) -> None:
@@ -108,7 +109,7 @@ def test_the_report_tells_in_order_answer_gain_error_evidence_change_and_source(
         "Measured and modelled over time",
         "Rotor surface: mean error 3.1 K as published, 2.2 K recalibrated, 0.3 K with the cause",
         "Where in operation, as published",
-        "loss.magnet.speed2_current2: ln BF 310, 22 ahead of the best rival (null 4.6, threshold 8)",
+        "loss.magnet.speed2_current2: ln BF 310, best rival 288 (null 4.6, threshold 8)",
         "What could not be told apart from",
         "The cause, and what it changes",
         "loss of magnet [W] += 96 (n/16000 rpm)^2 (I/450 A)^2",
@@ -299,7 +300,7 @@ def test_the_ranking_of_a_motor_without_a_cause_says_that_none_was_named() -> No
 def test_an_unknown_heat_is_ranked_among_the_candidates() -> None:
     plot = ranking(UNKNOWN)
     assert plot is not None
-    assert plot.title.startswith("Unknown heat at endwinding b outer: ln BF 373, 84.8 ahead of the best rival")
+    assert plot.title.startswith("Unknown heat at endwinding b outer: ln BF 373, best rival 288 (")
 
 
 def test_the_ranking_is_cut_to_what_can_be_read_and_keeps_every_named_cause() -> None:
@@ -307,7 +308,10 @@ def test_the_ranking_is_cut_to_what_can_be_read_and_keeps_every_named_cause() ->
     plot = ranking(replace(NAMED, rivals=many))
     assert plot is not None
     assert len(plot.table.rows) == SHOWN
-    assert plot.title == "loss.magnet.speed2_current2: ln BF 310 (null 4.6, threshold 8)"
+    assert (
+        plot.title
+        == "loss.magnet.speed2_current2: ln BF 310, best rival 429, refused as told below (null 4.6, threshold 8)"
+    )
 
 
 def test_the_table_of_the_gain_tells_trained_points_from_others() -> None:

@@ -97,10 +97,15 @@ def test_a_named_cause_comes_with_its_id_words_size_formula_and_evidence() -> No
         "magnet loss grows with speed squared and current squared",
         "+96 W (88 to 104); +14.2 W at the typical point; largest effect +6.3 K at the magnet, 3_wltp 1:12:40",
         "loss of magnet [W] += 96 (n/16000 rpm)^2 (I/450 A)^2",
-        "Not told apart nothing within ln 20",
+        "Not told apart nothing: every other candidate is more than 3 behind in ln BF (20 times less probable)",
         "loss.rotor_surface.speed3: ln BF 288, 22 behind",
     ):
         assert part in text
+
+
+def test_the_family_that_is_relieved_most_is_told_in_whichever_order_an_answer_was_sealed() -> None:
+    evidence = EvidenceParts(fit=13.1, priors_relieved=12.7, rest=0.5, relieved={"capacities": 1.4, "films": 3.5})
+    assert "12.7 priors relieved (other numbers move less, mostly films: 3.5)" in comes_from(evidence)
 
 
 def test_the_gain_lists_better_worse_and_unchanged_nodes() -> None:

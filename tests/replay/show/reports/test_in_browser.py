@@ -79,10 +79,11 @@ def test_values_can_be_read_off_every_line_over_time_or_speed_with_what_drove_th
 
 
 POINT = """
-const at = (plot, type, share) => {
+const at = (plot, type, share, pressed = 0) => {
   const box = plot.panels[0].box, corner = plot.svg.getScreenCTM();
   const place = new DOMPoint(box.left + share * (box.right - box.left), box.top + 2).matrixTransform(corner);
-  plot.svg.dispatchEvent(new PointerEvent(type, {clientX: place.x, clientY: place.y, bubbles: true}));
+  const buttons = type === "pointermove" ? pressed : 1;
+  plot.svg.dispatchEvent(new PointerEvent(type, {clientX: place.x, clientY: place.y, bubbles: true, buttons}));
 };
 """
 
@@ -116,11 +117,14 @@ def test_the_cursor_tells_the_values_that_are_drawn_in_every_plot_of_the_session
 def test_a_brush_shows_the_same_time_in_every_plot_of_the_session_and_the_csv_holds_what_is_seen(one: Path) -> None:
     script = """
     at(plots[0], "pointerdown", 0.25);
+    at(plots[0], "pointermove", 0.5, 1);
+    const marked = plots.map(plot => plot.mark.getAttribute("d").match(/M/g).length / plot.panels.length);
     at(plots[0], "pointerup", 0.5);
     const ticks = plots[1].ticks.filter(tick => tick.says).map(tick => Number(tick.text.textContent));
-    return [plots.map(plot => plot.seen), csv(plots[0]), ticks];
+    return [plots.map(plot => plot.seen), csv(plots[0]), ticks, marked];
     """
-    seen, text, ticks = in_browser(one, POINT + script)
+    seen, text, ticks, marked = in_browser(one, POINT + script)
+    assert set(marked) == {2}, "both ends of what will be seen, in every panel"
     assert all(range_ == pytest.approx([10.0, 20.0], abs=0.01) for range_ in seen)
     head, *rows = [[cell.strip('"') for cell in line.split('","')] for line in text.splitlines()]
     assert head == ["line", "min", "value"]

@@ -12,12 +12,12 @@ import pytest
 
 from made.channels import channel
 from made.runs import STEP_NS, UTC_NS, made_run
-from made.seen import EXTENDED, PUBLISHED, RECALIBRATED, STEPS, seen, seen_channels, seen_session
+from made.seen import EXTENDED, PUBLISHED, RECALIBRATED, STEPS, network, seen, seen_channels, seen_session
 from replay.errors import ViewerError
 from replay.show.plots.compare import MODELS
 from replay.show.viewer import aligned, blueprint, program
 from replay.show.viewer.layers import write_layers
-from replay.show.viewer.seen import COLOUR, CORRECTED, MEASURED, SessionSeen
+from replay.show.viewer.seen import COLOUR, CORRECTED, MEASURED, SessionSeen, unit
 
 
 def chunks(file: Path) -> list[Any]:
@@ -180,6 +180,18 @@ def test_nodes_of_graph_and_cut_take_the_colour_of_their_temperature(written: di
     assert by_name["rotor surface"] == rotor[-1], "the same in both"
     assert str(labels[-2]) == f"rotor surface {made_run().temperatures[-1, 2]:.0f} °C"
     assert rotor[0] != rotor[-1] and by_name["winding"] != by_name["rotor surface"]
+
+
+def test_the_motor_has_its_colours_from_the_first_sample_on_where_the_viewer_opens(tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    early = replace(seen_session(), start_ns=UTC_NS - 300_000_000)
+    *_, file = write_layers(SessionSeen(early, seen_channels(), {"published": made_run()}, network()), tmp_path)
+    for where, what in (("network", "GraphNodes:labels"), ("cut/rotor_surface", "Mesh3D:albedo_factor")):
+        assert values(file, where, what)[0][0] == early.start_ns
+
+
+def test_units_are_as_people_write_them() -> None:
+    assert [unit(channel("q", quantity, np.zeros(2)).spec) for quantity in ("flow", "temperature")] == ["l/min", "°C"]
 
 
 def test_every_layer_carries_the_same_text_and_one_recording_and_layout(written: dict[str, Path]) -> None:

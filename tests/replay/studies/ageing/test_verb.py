@@ -19,6 +19,7 @@ from ingest.facts import facts
 from ingest.facts.events import SessionRecorded
 from ingest.facts.store import Store
 from ingest.facts.store_check import damage
+from made.onward import followed
 from made.places import EXAMPLES
 from plant import fleet, insulation_campaign
 from plant.bare_stator_motor import motor_toml
@@ -124,6 +125,8 @@ def test_the_views_show_the_latest_assessment(stators: Asked, capsys: Capture) -
     assert main(["sql", asked, "--store", str(stators.store), "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)["rows"]
     assert [(row["specimen"], row["checks"]) for row in rows] == [("S01", 10), ("S02", 10)]
+    said = followed([["ageing", "--store", str(stators.store)]], capsys)
+    assert len(said["ageing"]) == 2, "what is next runs as it is printed"
 
 
 def test_with_a_motor_the_law_becomes_a_model_of_it(stators: Asked, tmp_path: Path) -> None:

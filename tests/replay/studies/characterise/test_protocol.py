@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import shlex
 import shutil
 from collections.abc import Mapping
 from dataclasses import replace
@@ -19,8 +20,9 @@ from ingest.facts import facts
 from ingest.facts.store import Store
 from made import can_bench
 from made.browser import faults
+from made.onward import next_commands
 from replay.cli import main
-from replay.show.verbs.protocol import filter_notes, next_points
+from replay.show.verbs.protocol import filter_notes, next_points, protocol_text
 from replay.studies.characterise.protocol import Proposal, Protocol, run_protocol
 from replay.studies.sessions import recorded
 from twin.calibration.influence import influence
@@ -177,7 +179,9 @@ def test_the_report_is_as_it_should_be_however_wide_the_screen_and_whoever_reads
     assert answer["schema"] and faults(bench / "report.html") == []
 
 
-def test_text_says_the_gain_and_the_next_point(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_text_says_the_gain_and_the_next_point(
+    bench: Path, found: Protocol, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Asked again: no fact is added, and the model is the same one."""
     store = bench / "store"
     with Store.open(store) as opened:
@@ -191,6 +195,11 @@ def test_text_says_the_gain_and_the_next_point(bench: Path, capsys: pytest.Captu
     assert all(len(line) <= 110 or str(store) in line for line in text.splitlines()), "commands stand on one line"
     with Store.open(store) as opened:
         assert opened.ledger.head().position == before
+    (command,) = next_commands(text)
+    assert main(shlex.split(command)[1:]) == 0
+    (drive,) = found.drives
+    longer = replace(found, drives=(replace(drive, end_ns=drive.start_ns + 900 * 10**9),))
+    assert "whyhot diagnose --on 3_drive --model" in protocol_text(longer), "here it would be refused as too short"
 
 
 def test_the_fitted_model_is_published_with_its_parent(bench: Path, answer: Mapping[str, Any]) -> None:

@@ -223,11 +223,16 @@ def test_the_answer_has_every_key_with_its_type_and_no_number_that_is_none(answe
     assert answer["gain"]
 
 
-def test_no_clock_is_sealed_with_an_answer(diagnosed: Path, answer: Mapping[str, Any]) -> None:
+def test_an_answer_is_sealed_without_a_clock_and_in_the_order_in_which_it_was_told(
+    diagnosed: Path, answer: Mapping[str, Any]
+) -> None:
     assert "seconds" not in answer
     with Store.open(diagnosed) as store:
         for event in ledger_facts.at(store.ledger).diagnoses.values():
-            assert "seconds" not in json.loads(store.archive.read(event.artefact))
+            sealed = json.loads(store.archive.read(event.artefact))
+            assert "seconds" not in sealed
+    told = [json.dumps([one[key] for key in ("causes", "rivals", "chain", "laws")]) for one in (sealed, answer)]
+    assert told[0] == told[1]
 
 
 def test_every_ln_bf_after_a_refit_is_the_sum_of_what_it_comes_from(answer: Mapping[str, Any]) -> None:

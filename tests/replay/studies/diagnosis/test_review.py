@@ -26,13 +26,15 @@ def test_a_change_is_a_page_with_every_number_down_to_its_records(
     assert (offered["schema"], offered["accepted"]) == ("whyhot.review/1", None)
     assert f"whyhot accept {store[0]} {store[1]} d-{fleet.diagnosis[:8]}" in capsys.readouterr().out
     assert main(["accept", fleet.diagnosis, *store]) == 0
+    assert main(["replay", "c_1", *store]) == 0
     assert main(words) == 0
     found = json.loads(target.read_text(encoding="utf-8"))
     assert found["accepted"] > 0
     assert found["causes"] == ["loss.magnet.scale"]
     assert found["readings"] == offered["readings"]
     assert found["replaced"][0]["what"] == "motor file"
-    assert found["built_on"][0] == "2 replays"
+    assert offered["built_on"] == []
+    assert found["built_on"] == ["1 replay of other sessions"], "those of its own sessions a review makes itself"
     magnet = next(one for one in found["by_kind"] if one["node"] == "magnet")
     assert magnet["kind"] == "wltp"
     assert magnet["sessions"] == 2
@@ -52,11 +54,10 @@ def test_a_change_is_a_page_with_every_number_down_to_its_records(
 
     assert main(["retract", fleet.diagnosis, "--reason", "the sensor had moved", *store, "--json", str(target)]) == 0
     gone = json.loads(target.read_text(encoding="utf-8"))
-    built_on = {"replay of b_1", "replay of b_2"}
-    assert {one["name"] for one in gone["stale"]} == built_on, "the 2 replays that the page named"
+    assert {one["name"] for one in gone["stale"]} == {f"replay of {name}" for name in ("b_1", "b_2", "c_1")}
     said = capsys.readouterr().out
     assert "Reason            the sensor had moved" in said
-    assert f"Stale             replay of b_1: {gone['stale'][0]['why']}" in said
+    assert f"Stale             {gone['stale'][0]['name']}: {gone['stale'][0]['why']}" in said
 
 
 def test_a_diagnosis_that_changes_nothing_has_nothing_to_sign(fleet: Fleet, tmp_path: Path, capsys: Capture) -> None:
