@@ -33,13 +33,16 @@ quick: .venv/ready check
 
 QUICK := test_house.py test_make.py ingest twin analytics/insulation replay/engine/files replay/show/plots replay/show/words
 SLOW := ingest/catalogue/test_looked.py ingest/intake \
-	ingest/log/test_reading.py ingest/log/test_clock.py \
-	ingest/facts/test_ledger.py ingest/facts/test_ledger_server.py ingest/facts/test_bucket.py ingest/facts/test_move.py \
-	ingest/facts/test_move_files.py twin/planning/test_chain.py twin/compiled/test_kernel.py twin/run/test_side_by_side.py \
-	analytics/insulation/courses/test_forms.py \
-	twin/diagnosis twin/insulation twin/fitting/test_noise.py twin/compiled/test_integrators.py twin/compiled/test_new_law.py \
-	twin/calibration/test_united.py twin/run/test_reduction.py \
-	twin/run/test_envelope.py twin/run/test_energy_balance.py analytics/insulation/fleet analytics/insulation/life \
+	ingest/formats/test_contract.py ingest/log/test_reading.py ingest/log/test_clock.py \
+	ingest/facts/test_ledger.py ingest/facts/test_ledger_index.py ingest/facts/test_ledger_server.py \
+	ingest/facts/test_backup.py ingest/facts/test_bucket.py ingest/facts/test_move.py ingest/facts/test_move_files.py \
+	ingest/units twin/planning/test_chain.py twin/compiled/test_kernel.py twin/compiled/test_integrators.py \
+	twin/compiled/test_circuits.py twin/compiled/test_new_law.py twin/motor/test_slicing.py \
+	twin/diagnosis twin/insulation twin/fitting/test_noise.py twin/fitting/test_model_columns.py \
+	twin/filters/test_ekf.py twin/calibration/test_calibrate.py twin/calibration/test_united.py \
+	twin/run/test_reduction.py twin/run/test_envelope.py twin/run/test_energy_balance.py twin/run/test_paper_form.py \
+	twin/run/test_side_by_side.py analytics/insulation/courses/test_forms.py analytics/insulation/checks \
+	analytics/insulation/fleet analytics/insulation/life replay/show/plots/test_network_plot.py \
 	replay/engine/files/test_motor_versions.py replay/engine/files/test_network_text.py replay/engine/files/test_motor_text.py
 
 # Every file of benchmarks/; one that fails does not stop the others.
