@@ -103,7 +103,8 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
     rows = [cells(line, delimiter) for line in below[: SAMPLE_ROWS + 1]]
     if rows and all(_open_end(row, header) for row in rows[1:] or rows):
         header.append("")
-        rows[0] += [""] * (len(rows[0]) == len(header) - 1)  # units, which end as the names do
+        if len(rows[0]) == len(header) - 1:  # units, which end as the names do
+            rows[0].append("")
     _check_header(header, rows, delimiter, log)
     fitting = [tuple(cell.strip() for cell in row) for row in rows if len(row) == len(header)]
     numerals = _csv_numbers.recognise((cell for row in fitting for cell in row), delimiter)

@@ -323,12 +323,14 @@ def _of_dates(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
 def _of_day(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
     """The clock of a column of times of day, or of what is left of them within the hour, which nothing dates."""
     said = [cell for cell in _cells(dialect, column) if cell not in MISSING]
-    start = time.start_ns
     if _most(seconds_of_day, said):
-        return OfDay(says="time of day", absolute=start is not None, columns=(column,), origin_ns=start or 0)
-    if _most(seconds_of_hour, said) and _says_minutes(column, said):
-        return OfHour(says="minutes and seconds", absolute=start is not None, columns=(column,), origin_ns=start or 0)
-    return None
+        kind, says = OfDay, "time of day"
+    elif _most(seconds_of_hour, said) and _says_minutes(column, said):
+        kind, says = OfHour, "minutes and seconds"
+    else:
+        return None
+    start = time.start_ns
+    return kind(says=says, absolute=start is not None, columns=(column,), origin_ns=start or 0)
 
 
 def _most(seconds: Callable[[str], float], said: Sequence[str]) -> bool:
@@ -340,9 +342,8 @@ def _says_minutes(column: str, said: Sequence[str]) -> bool:
     name = words(column)
     if "ss" in name or "hh" in name:
         return "hh" not in name
-    return any(
-        re.search("[.,]", cell) or int(cell.partition(":")[0]) > 23 for cell in said if OF_HOUR.fullmatch(cell.strip())
-    )
+    matches = filter(None, (OF_HOUR.fullmatch(cell.strip()) for cell in said))
+    return any(int(match["minutes"]) > 23 or not match["seconds"].isdecimal() for match in matches)
 
 
 def _of_parts(time: TimeSpec, dialect: Dialect) -> Clock | None:

@@ -86,9 +86,9 @@ class _Vector:
 
 @dataclass(frozen=True)
 class _Base:
-    """Vectors of one length and their times; None where the bench file says a rate."""
+    """Vectors of one length and their times."""
 
-    times: _Vector | None
+    times: _Vector
     vectors: list[_Vector]
 
 
@@ -127,7 +127,8 @@ class MatLog(JoinedTables):
         """The vectors by their times. Raises UnreadableLogError where none has any."""
         if self.time.rate_hz is not None:
             by_length = sorted(vectors, key=lambda one: len(one.cells))
-            return [_Base(None, [*own]) for _, own in groupby(by_length, key=lambda one: len(one.cells))]
+            of_lengths = groupby(by_length, key=lambda one: len(one.cells))
+            return [_Base(_Vector((TIME,), np.arange(count, dtype=float)), [*own]) for count, own in of_lengths]
         stated = self.time.column
         times = [one for one in vectors if (one.is_time if stated is None else stated in (one.name, one.said))]
         bases = [_Base(one, []) for one in times]
@@ -150,8 +151,7 @@ class MatLog(JoinedTables):
 
     def _clock(self, base: _Base) -> tuple[Clock, NDArray[Any]]:
         """How its times tell the time, and their cells as that clock takes them."""
-        times = base.times or _Vector((TIME,), np.arange(len(base.vectors[0].cells), dtype=np.float64))
-        cells = times.cells
+        times, cells = base.times, base.times.cells
         if not times.is_text and DATENUM_D[0] <= np.nanmedian(cells) < DATENUM_D[1]:
             cells = cells - SPREADSHEETS_D
         name = TIME if times.name == SIMULINKS_TIME else times.name
@@ -163,9 +163,8 @@ class MatLog(JoinedTables):
 
 
 def _table(base: _Base, clock: Clock, cells: NDArray[Any], often: Mapping[str, int]) -> OwnTimes:
-    said = base.times.said if base.times else TIME
     return OwnTimes(
-        name="/".join(base.times.path[:-1]) if base.times else "",
+        name="/".join(base.times.path[:-1]),
         columns=tuple(one.name if often[one.name] == 1 else one.said for one in base.vectors),
         units=tuple(_unit(one) for one in base.vectors),
         count=len(cells),
@@ -173,7 +172,7 @@ def _table(base: _Base, clock: Clock, cells: NDArray[Any], often: Mapping[str, i
         cells=lambda place, start, stop: base.vectors[place].cells[start:stop],
         raw=lambda i: str(cells[i]).encode(errors="replace")[:SHOWN],
         why=lambda i: clock.why(str(cells[i])),
-        where=lambda i: f'value {i + 1:,} of "{said}"',
+        where=lambda i: f'value {i + 1:,} of "{base.times.said}"',
     )
 
 
@@ -193,11 +192,11 @@ def _whole(content: bytes) -> tuple[int, int]:
 def _innermost(one: _Vector, bases: Sequence[_Base]) -> _Base | None:
     """The base whose times stand in the innermost struct around a vector as long; where none does, the only one that
     is as long."""
-    as_long = [base for base in bases if base.times and len(base.times.cells) == len(one.cells)]
-    around = [base for base in as_long if base.times and one.path[: len(base.times.path) - 1] == base.times.path[:-1]]
+    as_long = [base for base in bases if len(base.times.cells) == len(one.cells)]
+    around = [base for base in as_long if one.path[: len(base.times.path) - 1] == base.times.path[:-1]]
     if not around and len(as_long) == 1:
         return as_long[0]
-    return max(around, key=lambda base: len(base.times.path) if base.times else 0, default=None)
+    return max(around, key=lambda base: len(base.times.path), default=None)
 
 
 def _unit(one: _Vector) -> str:

@@ -99,8 +99,6 @@ def _common_past(pair: tuple[Test, Test], largest: Mapping[str, float]) -> tuple
         return None
     ours, theirs = _means(first, begins[0]), _means(second, begins[1])
     count = min(len(ours), len(theirs))
-    if count * WINDOW_S < HELD_S:
-        return None
     differ = (np.abs(ours[:count] - theirs[:count]) > _may_differ(first, ours, theirs, largest)).any(axis=1)
     windows = int(differ.argmax()) if differ.any() else count
     if windows * WINDOW_S < HELD_S:
@@ -132,5 +130,5 @@ def _may_differ(test: Test, ours: Floats, theirs: Floats, largest: Mapping[str, 
     boundaries = np.full(test.frame.boundaries.shape[1], SAME_K)
     inputs = [CONSTANT * largest[name] for name in sorted(test.inputs)]
     products = slice(boundaries.size + len(inputs), None)
-    heats = CONSTANT * np.maximum(np.abs(ours[:, products]).max(axis=0), np.abs(theirs[:, products]).max(axis=0))
+    heats = CONSTANT * np.abs(np.concatenate([ours, theirs])[:, products]).max(axis=0, initial=0.0)
     return np.concatenate([boundaries, inputs, heats])

@@ -61,7 +61,8 @@ def _compared(model: Model, parts: Mapping[tuple[int, str], Columns], alike: Ali
     """Each channel that both tests read there."""
     first, second = (model.tests[number] for number in alike.tests)
     at_s = alike.steps[0] * first.frame.step_s, alike.steps[1] * second.frame.step_s
-    for channel in (c.name for c in first.channels if c.name in {other.name for other in second.channels}):
+    of_second = {channel.name for channel in second.channels}
+    for channel in (one.name for one in first.channels if one.name in of_second):
         one, other = (
             _seen(model, parts[number, channel], end_s, alike.inputs is not None)
             for number, end_s in zip(alike.tests, at_s, strict=True)
