@@ -5,7 +5,6 @@ from __future__ import annotations
 import fcntl
 import os
 import pty
-import select
 import struct
 import sys
 import termios
@@ -36,6 +35,16 @@ def terminal(columns: int) -> Iterator[tuple[TextIO, int]]:
             yield stream, reads
     finally:
         os.close(reads)
+
+
+def shown(stream: TextIO, reads: int) -> str:
+    """All that was printed on a terminal. It hands on what is there in parts, so an end is written and read up to."""
+    stream.write("\0")
+    stream.flush()
+    text = b""
+    while not text.endswith(b"\0"):
+        text += os.read(reads, 1000)
+    return text[:-1].decode()
 
 
 @pytest.mark.parametrize(("columns", "text"), [(80, 80), (20, 60), (300, 140), (0, 100)])
@@ -92,8 +101,7 @@ def test_a_refusal_is_red_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None
     with terminal(100) as (stream, reads), monkeypatch.context() as patched:
         patched.setattr(sys, "stderr", stream)
         assert main(["replya"]) == 2
-        stream.flush()
-        printed = os.read(reads, 1000).decode()
+        printed = shown(stream, reads)
     assert printed.strip() == "\033[1;31mwhyhot: replya is no verb. Nearest: replay. whyhot --help lists all\033[0m"
 
 
@@ -105,8 +113,7 @@ def test_a_note_of_what_was_done_is_not_red(monkeypatch: pytest.MonkeyPatch) -> 
         patched.setattr(sys, "stderr", stream)
         for code in (0, 1):
             deliver(args, Answer({}, "", code, ["day.csv"]))
-        stream.flush()
-        printed = os.read(reads, 1000).decode()
+        printed = shown(stream, reads)
     assert printed.replace("\r\033[K", "").split() == ["day.csv", "\033[1;31mday.csv\033[0m"]
 
 
@@ -126,10 +133,7 @@ def test_progress_tells_pace_and_time_left_beside_its_count(monkeypatch: pytest.
             progress.tell(line)
         for line in ("event 1 of 2,000", "event 1,001 of 2,000"):
             progress.tell(line)
-        text = b""
-        while select.select([reads], [], [], 0.2)[0]:  # a terminal hands on what is there, in parts
-            text += os.read(reads, 2000)
-        printed = text.decode().split("\r\033[K")[1:]
+        printed = shown(stream, reads).split("\r\033[K")[1:]
     assert printed == [
         "reading 1 of 12: a",
         "reading 2 of 12 (4.0 s each, 44 s left): b",
