@@ -44,8 +44,6 @@ from replay.studies.sessions.fitting import fitting
 from twin.diagnosis.refined import Tell
 from twin.diagnosis.rounds import EVIDENT
 from twin.diagnosis.swaps import misread, scan
-from twin.differences.everyday import everyday
-from twin.fitting.model import Model
 
 
 @dataclass(frozen=True)
@@ -86,8 +84,7 @@ def diagnose(
 def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
     tell("reading the sessions")
     campaign = campaign_of(question)
-    network = campaign.network
-    model = Model(network, campaign.tests, everyday(network, campaign.tests))
+    model = campaign.healthy
     wrong = shown(model, question.train)
     tell("looking for exchanged and misread channels")
     if lines := misread(model):
@@ -119,7 +116,7 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
     apart = two_models(question, found, tests)
     return Diagnosis(
         diagnosis=identity,
-        motor=network.name,
+        motor=campaign.network.name,
         level=question.level,
         model=question.model,
         train=[s.session for s in question.train],

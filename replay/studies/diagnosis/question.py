@@ -16,7 +16,8 @@ from replay.engine.frame.observations import sensor_of
 from replay.errors import ReplayDataError
 from replay.studies.sessions.recorded import STEP_S, test_of
 from twin.differences.candidates import Candidate, InputChannel, added_monomials, generate
-from twin.fitting.model import Test
+from twin.differences.everyday import everyday
+from twin.fitting.model import Model, Test
 from twin.motor.configured import configured
 from twin.motor.features import Monomial
 from twin.motor.network import Network
@@ -101,6 +102,11 @@ class Campaign:
     inputs: tuple[InputChannel, ...]
     loaded: Sequence[Sequence[ChannelData]]
     beyond: tuple[Sensor, ...] = ()
+
+    @property
+    def healthy(self) -> Model:
+        """As a diagnosis begins: everything that a healthy motor may do, and no cause."""
+        return Model(self.network, self.tests, everyday(self.network, self.tests))
 
 
 def campaign_of(question: Question) -> Campaign:
