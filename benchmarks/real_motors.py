@@ -49,7 +49,7 @@ from ingest.facts.sessions import Override
 from ingest.facts.store import Store
 from ingest.intake.intake import take_in
 from ingest.intake.setup import prepare
-from replay.engine.files.bench_versions import with_bench_of
+from replay.engine.files.benches import with_bench_of
 from replay.engine.files.models import for_intake
 from replay.studies.characterise.calibrate import common_model
 from replay.studies.diagnosis.as_recorded import as_recorded

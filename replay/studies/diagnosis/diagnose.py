@@ -21,7 +21,7 @@ from ingest.facts.events import (
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from ingest.texts.names import handle
-from replay.engine.files.bench_versions import MADE, with_bench_of
+from replay.engine.files.benches import MADE, with_bench_of
 from replay.engine.runs.identity import run_id
 from replay.engine.runs.sources import code_of
 from replay.errors import ReplayDataError

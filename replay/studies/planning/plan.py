@@ -10,7 +10,7 @@ from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from ingest.texts.names import handle
-from replay.engine.files.bench_versions import with_bench_of
+from replay.engine.files.benches import with_bench_of
 from replay.studies.characterise.calibrate import common_model
 from replay.studies.diagnosis.question import Campaign, Question, campaign_of, check
 from replay.studies.planning.listed import Listed, listed_campaign, unfitted

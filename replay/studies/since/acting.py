@@ -12,7 +12,7 @@ from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from ingest.texts.names import handle
 from ingest.texts.nearest import hint
-from replay.engine.files.bench_versions import with_bench_of
+from replay.engine.files.benches import with_bench_of
 from replay.engine.files.models import model_of
 from replay.errors import ReplayDataError
 from replay.studies.diagnosis.question import LEAST_S, Campaign, Question, campaign_of
