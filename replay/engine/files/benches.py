@@ -34,7 +34,8 @@ def current_bench(facts: Facts, text: str) -> BenchRegistered:
 
 def with_bench_of(facts: Facts, model: str) -> Facts:
     """The facts as a run with `model` takes them: where a diagnosis began from this model or made it, sessions have the
-    version of their bench file that this had then or that was made beside the model, accepted or not."""
+    version of their bench file that this had then or that was made beside the model, accepted or not: what its sensors
+    follow was fitted together with the motor."""
     for completed in reversed(list(facts.diagnoses.values())):
         made = completed.summary.get(MADE, {})
         if model in made.get("of_model", {}):

@@ -171,7 +171,7 @@ def _courses_table(found: Assessment) -> FigureTable:
                     "–" if r is None else f"{r:.4g}",
                     _cell(check.sd_percent, 1),
                     _cell(None if r is None else 100 * r / first, 1),
-                    check.source or "",
+                    check.from_ or "",
                     check.why or "",
                 )
             )

@@ -372,7 +372,7 @@ def _check(point: Point, number: int, first: float | None, sd: float | None, lef
         resistance_K_per_W=r,
         sd=point.sd,
         sd_percent=None if sd is None else 100 * sd,
-        source=point.source,
+        from_=point.source,
         state=getattr(found, "steady", None),
         why=point.why or getattr(found, "why", None),
         conductivity_percent=100 * first / r if first and r else None,
