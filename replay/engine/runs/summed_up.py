@@ -14,7 +14,7 @@ from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from ingest.texts.names import handle
 from replay.engine.results.filtered import Estimated, filter_summary
-from replay.engine.results.heat_account import efficiency_of, heat_balance
+from replay.engine.results.heat_account import efficiency_of
 from replay.engine.results.hot_spot_bands import with_bands
 from replay.engine.results.hot_spots import deratings, hot_spots, limits, watched
 from replay.engine.results.residuals import errors_of_channels, errors_of_meters, largest_by_node, mean_by_node
@@ -53,7 +53,7 @@ def summary_of(store: Store, facts: Facts, made: OpenLoop, digest: str, filtered
         meters=errors_of_meters(frame, made.meters),
         network_heat_W=float(made.flows.made.mean()),
         electrical_minus_mechanical_W=power.mean_loss_W if power else None,
-        losses=heat_balance(account(network, made.inputs, temperatures, made.flows)),
+        losses=account(network, made.inputs, temperatures, made.flows),
         efficiency=efficiency_of(frame, made.flows),
         limits=limits(network, temperatures, frame.step_s),
         hot_spots=with_bands(
