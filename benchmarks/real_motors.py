@@ -135,7 +135,7 @@ class Bench:
             return [], {"published": Version(self.model, None)}
         train = [recording.session for recording in learnt]
         known = facts.at(self.store.ledger)
-        chain = diagnose(self.store, known, train, [one.session], None, "testing").diagnosis.chain
+        chain = diagnose(self.store, known, train, [one.session], None, "testing").chain
         # a step that no file says has no model to replay
         said = [Version(step.model, step.bench, step.benches) for step in chain if step.model]
         versions = dict(zip(("published", "recalibrated", "extended"), (*said[:2], said[-1]), strict=True))

@@ -38,11 +38,10 @@ UNITS = {"loss": "W", "conductance": "W/K", "capacity": "J/K"}
 
 @dataclass(frozen=True)
 class CalibrationResult:
-    """A calibration: the fact, whether the ledger had it already, the numbers behind it (covariance included), and
-    the sessions as they were learnt from, in their order."""
+    """A calibration: the fact, the numbers behind it (covariance included), and the sessions as they were learnt from,
+    in their order."""
 
     event: CalibrationCompleted
-    known: bool
     calibration: Calibration
     tests: tuple[Test, ...]
 
@@ -102,7 +101,8 @@ def calibrate_sessions(
         errors=_errors(sessions, tests, result),
         covariance=store.archive.seal(to_parquet(covariance_table(united.names, covariance))),
     )
-    return CalibrationResult(event, _keep(store, facts, event, name), result, tuple(tests))
+    _keep(store, facts, event, name)
+    return CalibrationResult(event, result, tuple(tests))
 
 
 def profiles(result: CalibrationResult, names: Sequence[str]) -> list[dict[str, Any]]:
@@ -167,8 +167,8 @@ def _key(
     }
 
 
-def _keep(store: Store, facts: Facts, event: CalibrationCompleted, file: str) -> bool:
-    """Append what the ledger does not have. Returns whether it had the calibration."""
+def _keep(store: Store, facts: Facts, event: CalibrationCompleted, file: str) -> None:
+    """Append what the ledger does not have."""
     known = any(
         isinstance(one.event, CalibrationCompleted) and one.event.calibration == event.calibration
         for one in store.ledger.events()
@@ -181,7 +181,6 @@ def _keep(store: Store, facts: Facts, event: CalibrationCompleted, file: str) ->
         events.append((f"calibration-{event.calibration}", event))
     if events:
         store.ledger.append_all(events)
-    return known
 
 
 def _errors(sessions: Sequence[SessionRecorded], tests: Sequence[Test], result: Calibration) -> list[dict[str, Any]]:

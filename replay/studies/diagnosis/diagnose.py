@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from ingest.facts.events import (
@@ -46,14 +46,6 @@ from twin.diagnosis.rounds import EVIDENT
 from twin.diagnosis.swaps import misread, scan
 
 
-@dataclass(frozen=True)
-class Result:
-    """The answer, and whether the ledger had it already."""
-
-    diagnosis: Diagnosis
-    known: bool
-
-
 def diagnose(
     store: Store,
     facts: Facts,
@@ -62,7 +54,7 @@ def diagnose(
     model: str | None,
     level: str,
     tell: Tell = lambda _: None,
-) -> Result:
+) -> Diagnosis:
     """Name what the model gets wrong on `train`, and measure on `kept` what the extended model gains.
 
     The same question again reads the sealed answer. Raises ReplayDataError where sessions are too few, too short, of
@@ -74,11 +66,11 @@ def diagnose(
     key = key_of(question, code_of(__name__))
     identity = run_id(key)
     if identity in facts.diagnoses:
-        return Result(read(json.loads(store.archive.read(facts.diagnoses[identity].artefact))), True)
+        return read(json.loads(store.archive.read(facts.diagnoses[identity].artefact)))
     with fitting(f"diagnosis with model {handle(question.model)}"):
         answer = _answered(question, identity, tell)
     _keep(question, answer, key)
-    return Result(answer, False)
+    return answer
 
 
 def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
