@@ -26,7 +26,8 @@ from replay.engine.runs.identity import run_id
 from replay.engine.runs.sources import code_of
 from replay.errors import ReplayDataError
 from replay.studies.characterise.calibrate import common_model
-from replay.studies.diagnosis.answer import Diagnosis, calibration_is_worse, document, read
+from replay.studies.diagnosis.accept import sealed_diagnosis
+from replay.studies.diagnosis.answer import Diagnosis, calibration_is_worse, document
 from replay.studies.diagnosis.answer_parts import judged_by, named, rivals, shown, suspected_test, unknown_heat
 from replay.studies.diagnosis.as_recorded import measured_as_recorded, said_wrong
 from replay.studies.diagnosis.beyond_usual import beyond_usual
@@ -66,7 +67,7 @@ def diagnose(
     key = key_of(question, code_of(__name__))
     identity = run_id(key)
     if identity in facts.diagnoses:
-        return read(json.loads(store.archive.read(facts.diagnoses[identity].artefact)))
+        return sealed_diagnosis(store, facts.diagnoses[identity])
     with fitting(f"diagnosis with model {handle(question.model)}"):
         answer = _answered(question, identity, tell)
     _keep(question, answer, key)
