@@ -22,6 +22,7 @@ from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from ingest.texts.names import handle
 from replay.engine.files.benches import MADE, with_bench_of
+from replay.engine.files.models import published
 from replay.engine.runs.identity import run_id
 from replay.engine.runs.sources import code_of
 from replay.errors import ReplayDataError
@@ -160,10 +161,7 @@ def _keep(question: Question, answer: Diagnosis, key: dict[str, Any]) -> None:
     terms = [step for step in answer.chain if step.step > 0]  # the files before these are offered as recalibrated
     offers = [answer.recalibrated_model, answer.extended_model, *(step.model for step in terms)]
     for model in dict.fromkeys(m for m in offers if m):
-        if model not in facts.models:
-            file = facts.models[question.model].file
-            published = ModelPublished(model=model, motor=answer.motor, file=file, parent=question.model)
-            facts_of.append((f"motor-{answer.motor}", published))
+        facts_of += published(facts, question.model, model)
     stepwise = [pair for step in terms for pair in step.benches.items()]
     for old, new in dict.fromkeys([*answer.recalibrated_benches.items(), *answer.extended_benches.items(), *stepwise]):
         if new not in facts.benches:
