@@ -32,8 +32,6 @@ from plant import Effect, Plant, typical, write_campaign
 from plant.sensors import record
 from twin.diagnosis.onset import AS_KNOWN, KnownSize, from_each_on, weighed
 from twin.diagnosis.refined import calibrated
-from twin.differences.everyday import everyday
-from twin.fitting.model import Model
 
 CAUSES = ("loss.magnet.speed2", "conductance.rotor_surface-teeth.speed1.5", "loss.endwinding_a_inner.speed2_current2")
 SHARES = (2.0, 4.0, 1.0)  # of the size in the catalogue
@@ -92,8 +90,7 @@ def answered(
     with tempfile.TemporaryDirectory() as folder:
         write_campaign(Path(folder), healthy, [record(healthy, run) for run in runs])
         campaign = read(Path(folder))
-    model = Model(campaign.network, campaign.tests, everyday(campaign.network, campaign.tests))
-    mode = calibrated(model, campaign.candidates, lambda _: None)
+    mode = calibrated(campaign.healthy, campaign.candidates, lambda _: None)
     sets = from_each_on(len(acts))
     known = weighed(mode, campaign.candidates, sets, known={effect.cause: KnownSize(effect.size, AS_KNOWN)})
     free = weighed(mode, campaign.candidates, sets)

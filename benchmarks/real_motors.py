@@ -49,7 +49,7 @@ from ingest.facts.sessions import Override
 from ingest.facts.store import Store
 from ingest.intake.intake import take_in
 from ingest.intake.setup import prepare
-from replay.engine.files.bench_versions import with_bench_of
+from replay.engine.files.benches import with_bench_of
 from replay.engine.files.models import for_intake
 from replay.studies.characterise.calibrate import common_model
 from replay.studies.diagnosis.as_recorded import as_recorded
@@ -135,7 +135,7 @@ class Bench:
             return [], {"published": Version(self.model, None)}
         train = [recording.session for recording in learnt]
         known = facts.at(self.store.ledger)
-        chain = diagnose(self.store, known, train, [one.session], None, "testing").diagnosis.chain
+        chain = diagnose(self.store, known, train, [one.session], None, "testing").chain
         # a step that no file says has no model to replay
         said = [Version(step.model, step.bench, step.benches) for step in chain if step.model]
         versions = dict(zip(("published", "recalibrated", "extended"), (*said[:2], said[-1]), strict=True))

@@ -24,10 +24,10 @@ from numpy.typing import NDArray
 from benchmarks.trial.campaigns import Course, middles
 from benchmarks.trial.cases import READ_WRONG, either_way
 from plant import Effect
-from replay.studies.diagnosis.healthy_fit import healthy_fit
 from replay.studies.diagnosis.question import Campaign
 from twin.diagnosis.evidence import log_bayes_factor
 from twin.diagnosis.posterior_mode import stacked
+from twin.diagnosis.refined import calibrated
 from twin.differences.candidates import Candidate
 from twin.differences.proposals import Proposals
 from twin.fitting.fit import Fit
@@ -55,9 +55,9 @@ class Seen:
         return None if self.log_bf is None else BANDS[int(np.searchsorted(EDGES, self.log_bf, side="right"))]
 
 
-def healthy_mode(healthy: Campaign) -> Fit:
+def healthy_mode(campaign: Campaign) -> Fit:
     """The fit of a campaign without effects, as every diagnosis begins."""
-    return healthy_fit(healthy, lambda _: None)
+    return calibrated(campaign.healthy, campaign.candidates, lambda _: None)
 
 
 def seen(mode: Fit, candidates: Sequence[Candidate], effect: Effect, moved: Sequence[Course]) -> Seen:

@@ -69,17 +69,14 @@ class Ledger:
             self.close()
             raise
 
-    def append(
-        self, stream: str, event: Event, *, caused_by: str | None = None, happened: str | None = None
-    ) -> Recorded:
+    def append(self, stream: str, event: Event, *, happened: str | None = None) -> Recorded:
         """Add `event` to `stream`; it is on disk when this returns. Raises as `append_all`."""
-        return self.append_all([(stream, event)], caused_by=caused_by, happened=happened)[0]
+        return self.append_all([(stream, event)], happened=happened)[0]
 
     def append_all(
         self,
         batch: Sequence[tuple[str, Event]],
         *,
-        caused_by: str | None = None,
         happened: str | None = None,
         rests_on: tuple[type[Event], ...] = (),
     ) -> list[Recorded]:
@@ -93,7 +90,7 @@ class Ledger:
             position = last.position if last else 0
             if self.place.shared and self._others.asked:
                 self._refuse_overtaken({stream for stream, _ in batch}, rests_on, position)
-            encoded = self._encoded(batch, last, caused_by, happened)
+            encoded = self._encoded(batch, last, happened)
             places = self._insert([row for row, _ in encoded], position)
             if places is not None:
                 self._others.ours(places)
@@ -102,7 +99,7 @@ class Ledger:
 
     def proposed(self, batch: Sequence[tuple[str, Event]]) -> list[Recorded]:
         """All events, and those of `batch` behind them as if they were recorded. Raises as `append_all`."""
-        encoded = self._encoded(batch, self._last(), None, None)
+        encoded = self._encoded(batch, self._last(), None)
         events = self.events()
         return [*events, *(replace(one, position=place) for place, (_, one) in enumerate(encoded, len(events) + 1))]
 
@@ -210,7 +207,7 @@ class Ledger:
             )
 
     def _encoded(
-        self, batch: Sequence[tuple[str, Event]], last: Recorded | None, caused_by: str | None, happened: str | None
+        self, batch: Sequence[tuple[str, Event]], last: Recorded | None, happened: str | None
     ) -> list[tuple[StoredEvent, Recorded]]:
         """The rows of `batch` behind `last`, the ledger's end, and what each will read as."""
         encoded: list[tuple[StoredEvent, Recorded]] = []
@@ -219,7 +216,7 @@ class Ledger:
         for stream, event in batch:
             tail = tails[stream] if stream in tails else self._tail(stream)
             recorded = _stamp(after=recorded)
-            row, one = encode(event, stream, tail, recorded, happened, caused_by)
+            row, one = encode(event, stream, tail, recorded, happened)
             tails[stream] = one
             encoded.append((row, one))
         return encoded

@@ -39,7 +39,7 @@ class Recorded:
 
 
 def encode(
-    event: Event, stream: str, tail: Recorded | None, recorded: str, happened: str | None, caused_by: str | None
+    event: Event, stream: str, tail: Recorded | None, recorded: str, happened: str | None
 ) -> tuple[StoredEvent, Recorded]:
     """The row of `event` behind `tail`, its stream's last, and what it reads as at no position yet (0).
 
@@ -53,7 +53,7 @@ def encode(
         "happened": happened,
         "recorded": recorded,
         "code": _code(),
-        "caused_by": caused_by,
+        "caused_by": None,  # nothing says it: what an event follows from is in its body
         "previous": tail.digest if tail else None,
         "body": vars(event),
     }

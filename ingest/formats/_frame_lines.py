@@ -65,6 +65,13 @@ def counted(data: bytes, length: int) -> bytes | str:
     return data[:length] if len(data) >= length else f"holds {len(data)} of its {length} bytes"
 
 
+def whole(data: bytes, length: int) -> bytes | str:
+    """The data of a frame that says it holds `length` bytes, or why they are none."""
+    if len(data) != length:
+        return f"holds {len(data)} of its {length} bytes"
+    return data if length <= LONGEST_FD else f"says it holds {length} bytes, more than the {LONGEST_FD} of a frame"
+
+
 def octets(text: str) -> bytes:
     """The bytes that `text` begins with, of two hexadecimal digits each with a blank between."""
     match = OCTETS.match(text)
@@ -82,7 +89,6 @@ class FrameLines(Log):
     _start_ns: int | None = None  # that stamps without a date count from
     _lines: int = 0  # that were read
     _other: int = 0
-    _frames: int = 0
     _errors: int = 0  # error frames
 
     @abstractmethod
@@ -95,7 +101,8 @@ class FrameLines(Log):
         text = TextFile(self.path)
         for block in text.blocks():
             yield from self._batch(block, cut=text.open_line and not self.tells_length)
-            if self._lines > 1 and not self._frames + self._errors:  # an overlong line may come before the first frame
+            frames = self.found - len(self.rejected)
+            if self._lines > 1 and not frames + self._errors:  # an overlong line may come before the first frame
                 break
         self._finish(text)
 
@@ -121,7 +128,6 @@ class FrameLines(Log):
             self.found += parsed is not None
             self._other += parsed is None and bool(line)
         self._lines += len(lines)
-        self._frames += len(frames)
         if frames:
             yield as_arrays(frames, record)
 
@@ -144,13 +150,18 @@ class FrameLines(Log):
         self.absolute |= self._start_ns is not None
         self.settings.update(other_lines=self._other, gz=text.packed)
         says = text.ended or cut_line(text, self.rejected, self._lines)
-        if not self._frames + self._errors:
-            raise UnreadableLogError(
-                f"{self.path.name}: {f'{says}: ' if says else ''}no CAN frame is in it ({self._lines:,} lines read). "
-                f"Copy the file again, or export it as {self.called}."
-            )
-        if says:
-            self.mark_cut(says, f"{self._frames:,} frames")
+        end_frames(self, says, f" ({self._lines:,} lines read)", f"or export it as {self.called}")
+
+
+def end_frames(log: Log, ended: str | None, read: str, todo: str) -> None:
+    """Mark a log of frames as cut where it `ended` early. Raises UnreadableLogError where it holds no frame at all:
+    with what was `read` of it, and what there is `todo` but to copy it again."""
+    frames = log.found - len(log.rejected)
+    if not frames and all(one.why != ERROR_FRAME for one in log.rejected):
+        says = f"{ended}: " if ended else ""
+        raise UnreadableLogError(f"{log.path.name}: {says}no CAN frame is in it{read}. Copy the file again, {todo}.")
+    if ended:
+        log.mark_cut(ended, f"{frames:,} frames")
 
 
 def cut_line(text: TextFile, rejected: Sequence[Rejected], lines: int) -> str | None:

@@ -16,10 +16,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.errors import UnreadableLogError
 from ingest.formats import EXTENDED, SHOWN, TRANSMIT, Frames, Log, Rejected, payloads
 from ingest.formats._asc_lines import STAMP, Line, parse_date, parse_line
-from ingest.formats._frame_lines import ERROR_FRAME, HIGHEST_BUS, HIGHEST_ID, cut_line
+from ingest.formats._frame_lines import HIGHEST_BUS, HIGHEST_ID, cut_line, end_frames
 from ingest.formats._text import TextFile, place_of
 
 # A data frame as most lines hold it (hexadecimal, one blank between two bytes), or else any line: one match a line.
@@ -83,7 +82,6 @@ class AscLog(Log):
     _base: int = 16
     _lines: int = 0  # that were read
     _other: int = 0
-    _frames: int = 0
     _inside: bool = False  # of a trigger block
 
     def batches(self) -> Iterator[Frames]:
@@ -98,7 +96,7 @@ class AscLog(Log):
             for first, last in zip([header, *begins], [*begins, len(block)], strict=True):
                 if first < last:
                     yield from self._segment(block[first:last])
-            if number == 0 and self.found and not self._frames + self._other:
+            if number == 0 and self.found and self.found == len(self.rejected) and not self._other:
                 break  # not one line of an ASC log
         self._finish(text)
 
@@ -158,7 +156,6 @@ class AscLog(Log):
             self.rejected.append(Rejected(int(record[index]), where, why, lines[index][:SHOWN]))
         frame = np.flatnonzero(table.frame)
         self.found += int(found.sum())
-        self._frames += len(frame)
         self._other += sum(map(bool, lines)) - int(found.sum())
         self.note_places(record[frame], lambda i: place_of(self.path, self._lines + int(frame[i]) + 1))
         if len(frame):
@@ -170,13 +167,7 @@ class AscLog(Log):
         if says is None and self._inside:
             says = f"ends in line {self._lines:,}, before the end of its trigger block"
         says = says or cut_line(text, self.rejected, self._lines)
-        if not self._frames and all(entry.why != ERROR_FRAME for entry in self.rejected):
-            raise UnreadableLogError(
-                f"{self.path.name}: {f'{says}: ' if says else ''}no CAN frame is in it ({self._lines:,} lines read). "
-                "Copy the file again, or export it as an ASC log of CAN frames."
-            )
-        if says:
-            self.mark_cut(says, f"{self._frames:,} frames")
+        end_frames(self, says, f" ({self._lines:,} lines read)", "or export it as an ASC log of CAN frames")
 
 
 class _Table:

@@ -16,13 +16,13 @@ from ingest.formats import FD, REMOTE
 from ingest.formats._frame_lines import (
     ERROR_FRAME,
     LONGEST_CLASSIC,
-    LONGEST_FD,
     ONLY_BUS,
     FrameLines,
     OneFrame,
     frame_of,
     identifier,
     nanoseconds,
+    whole,
 )
 
 HEADER = "timestamp,arbitration_id,extended,remote,error,dlc,data"
@@ -58,9 +58,7 @@ def _payload(text: str, length: int) -> bytes | str:
         data = b64decode(text, validate=True)
     except binascii.Error:
         return "its data are no base64"
-    if len(data) != length:
-        return f"holds {len(data)} of its {length} bytes"
-    return data if length <= LONGEST_FD else f"says it holds {length} bytes, more than the {LONGEST_FD} of a frame"
+    return whole(data, length)
 
 
 reader = CanCsvLog

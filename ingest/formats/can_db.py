@@ -19,13 +19,14 @@ from ingest.formats import EARLIEST_NS, FD, LATE_NS, REMOTE, SHOWN, Frames, Log,
 from ingest.formats._frame_lines import (
     ERROR_FRAME,
     LONGEST_CLASSIC,
-    LONGEST_FD,
     ONLY_BUS,
     OneFrame,
     as_arrays,
+    end_frames,
     frame_of,
     identifier,
     nanoseconds,
+    whole,
 )
 
 COLUMNS = ("ts", "arbitration_id", "extended", "remote", "error", "dlc", "data")
@@ -52,14 +53,7 @@ class CanDbLog(Log):
             except DAMAGE:
                 ended = f"is damaged behind row {self.found:,}"
         self.absolute |= self.time.start_ns is not None
-        kept = self.found - len(self.rejected)
-        if not kept and all(one.why != ERROR_FRAME for one in self.rejected):
-            raise UnreadableLogError(
-                f"{self.path.name}: {f'{ended}: ' if ended else ''}no CAN frame is in it. Copy the file again, once "
-                "the program that wrote it has closed it."
-            )
-        if ended:
-            self.mark_cut(ended, f"{kept:,} frames")
+        end_frames(self, ended, "", "once the program that wrote it has closed it")
 
     def _rows(self, database: sqlite3.Connection) -> sqlite3.Cursor:
         database.execute("PRAGMA trusted_schema = OFF")  # nothing that the file says is run
@@ -123,10 +117,7 @@ def _frame(ts: Any, number: Any, extended: Any, remote: Any, error: Any, length:
 def _payload(data: Any, length: Any) -> bytes | str:
     if not isinstance(data, bytes | None) or not isinstance(length, int):
         return "holds no bytes"
-    found = data or b""
-    if len(found) != length:
-        return f"holds {len(found)} of its {length} bytes"
-    return found if length <= LONGEST_FD else f"says it holds {length} bytes, more than the {LONGEST_FD} of a frame"
+    return whole(data or b"", length)
 
 
 reader = CanDbLog

@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass
 
 from ingest.formats import FD, TRANSMIT
-from ingest.formats._frame_lines import LONGEST_FD, FrameLines, OneFrame, frame_of, identifier, nanoseconds
+from ingest.formats._frame_lines import FrameLines, OneFrame, frame_of, identifier, nanoseconds, whole
 
 HEADER = re.compile(r"TimestampEpoch([;,])BusChannel\1ID\1IDE\1DLC\1DataLength\1Dir\1EDL\1BRS\1DataBytes", re.ASCII)
 LINE = re.compile(
@@ -37,13 +37,7 @@ class CssCsvLog(FrameLines):
         stamp, _, bus, digits, extended, said, way, fd, text = match.groups()
         flags = (TRANSMIT if way == "1" else 0) | (FD if fd == "1" else 0)
         can_id = identifier(int(digits, 16), extended == "1")
-        return frame_of(nanoseconds(stamp), int(bus), can_id, flags, _payload(bytes.fromhex(text), int(said)))
-
-
-def _payload(data: bytes, length: int) -> bytes | str:
-    if len(data) != length:
-        return f"holds {len(data)} of its {length} bytes"
-    return data if length <= LONGEST_FD else f"says it holds {length} bytes, more than the {LONGEST_FD} of a frame"
+        return frame_of(nanoseconds(stamp), int(bus), can_id, flags, whole(bytes.fromhex(text), int(said)))
 
 
 reader = CssCsvLog

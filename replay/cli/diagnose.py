@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> Answer:
         kept = sessions_of(known, args.hold_out)
         if plan:
             plan.refuse_other(known, [*train, *kept], model)
-        found = diagnose(store, known, train, kept, model, args.level, tell).diagnosis
+        found = diagnose(store, known, train, kept, model, args.level, tell)
         if args.report:
             command = asked_by("diagnose", args, hold_out=args.hold_out)
             write_diagnosis(store, found, args.report, command, tell)

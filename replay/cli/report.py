@@ -54,14 +54,14 @@ def _of_diagnosis(args: argparse.Namespace) -> Answer:
     from ingest.facts.store import Store
     from replay.cli.progress import tell
     from replay.errors import ReplayDataError
-    from replay.show.reports.documents import sealed_diagnosis, write_diagnosis
+    from replay.show.reports.documents import write_diagnosis
     from replay.studies.diagnosis.accept import find_diagnosis
 
     (name,) = args.sessions
     if args.model is not None:
         raise ReplayDataError(f"--model {args.model}: {name} shows the models of its own: leave --model out.")
     with Store.open(store_folder(args), write=True) as store:
-        diagnosis = sealed_diagnosis(store, find_diagnosis(facts.at(store.ledger), name))
+        diagnosis = find_diagnosis(store, facts.at(store.ledger), name)
         write_diagnosis(store, diagnosis, args.out, typed("report", name), tell)
         data = {
             "schema": "whyhot.report/1",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 
 from replay.cli.answer import Answer, provenance
 from replay.cli.asked import ask_as_of, opened, sessions_of
@@ -22,12 +21,11 @@ def run(args: argparse.Namespace) -> Answer:
     from replay.cli.progress import tell
     from replay.show.verbs.seen import document, seen_text
     from replay.studies.diagnosis.accept import find_diagnosis
-    from replay.studies.diagnosis.answer import read
     from replay.studies.since.seen import cause_of, seen
 
     with opened(args, write=False) as store:
         known = facts.at(store.ledger)
-        found = read(json.loads(store.archive.read(find_diagnosis(known, args.diagnosis).artefact)))
+        found = find_diagnosis(store, known, args.diagnosis)
         done = seen(store, known, found, cause_of(found, args.cause), sessions_of(known, args.sessions), tell)
         data = {**document(done), "provenance": provenance(store, cause=args.cause, as_of=args.as_of)}
     return Answer(data, seen_text(done), 1 if done.not_asked else 0, done.not_asked)

@@ -35,7 +35,7 @@ def hidden_effect(folder: Path) -> dict[str, Any]:
         take_in(store, logs, setup, Override())
         known = facts.at(store.ledger)
         train, kept = ([known.session(name) for name in names] for names in (LEARN, KEEP))
-        diagnosis = diagnose(store, known, train, kept, None, "testing").diagnosis
+        diagnosis = diagnose(store, known, train, kept, None, "testing")
         store.ledger.seal()
         command = f"whyhot diagnose --on {' '.join(LEARN)} --hold-out {' '.join(KEEP)} --store {store_folder}"
         runs = write_diagnosis(store, diagnosis, folder / "why.html", command)

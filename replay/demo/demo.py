@@ -134,7 +134,7 @@ def _real_motor(folder: Path, store_folder: Path, tell: Callable[[str], None]) -
 
 def _why(store: Store, known: facts.Facts, folder: Path, tell: Callable[[str], None]) -> Diagnosis:
     train, kept = ([known.session(name) for name in names] for names in (LEARN, KEEP))
-    diagnosis = diagnose(store, known, train, kept, None, "testing", tell).diagnosis
+    diagnosis = diagnose(store, known, train, kept, None, "testing", tell)
     write_diagnosis(store, diagnosis, folder / "why_real_motor.html", "whyhot demo", tell)
     return diagnosis
 

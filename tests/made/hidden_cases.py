@@ -31,7 +31,6 @@ from twin.diagnosis.refined import calibrated
 from twin.diagnosis.rounds import EVIDENT, THRESHOLD, scored, uncalibrated, with_refits
 from twin.diagnosis.swaps import scan
 from twin.diagnosis.told_apart import told_apart
-from twin.differences.everyday import everyday
 from twin.fitting.fit import NEAR_ENOUGH, fit
 from twin.fitting.model import Model
 
@@ -93,7 +92,7 @@ def diagnosed(case: Case) -> Answer:
     evidence."""
     with threadpool_limits(1, user_api="blas"):
         campaign = _campaign(case)
-        model = Model(campaign.network, campaign.tests, everyday(campaign.network, campaign.tests))
+        model = campaign.healthy
         swaps = scan(model, campaign.candidates)
         if swaps:
             return Answer(str(swaps[0].candidate.cause), log_bf=swaps[0].log_bayes_factor)

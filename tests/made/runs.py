@@ -10,7 +10,8 @@ import numpy as np
 
 from replay.engine.results.residuals import channel_errors, largest_by_node, mean_by_node
 from replay.engine.results.run import HeatCourse, Observed, Run
-from replay.engine.results.summary import HeatBalance, HeatPart, StoredHeat, Summary, read
+from replay.engine.results.summary import Summary, read
+from twin.run.losses import HeatBalance, HeatPart, StoredHeat
 
 STEP_NS = 1_000_000_000
 UTC_NS = 1_760_000_000_000_000_000  # 2025-10-09 08:53:20

@@ -174,24 +174,43 @@ def by_kind(network: Network, flows: HeatFlows) -> dict[str, Floats]:
     return {kind: flows.terms[[own == kind for own in kinds]].sum(axis=0) for kind in KINDS if kind in kinds}
 
 
-@dataclass(frozen=True)
-class HeatAccount:
-    """Energies of a run [J]. `made`: heat of all sources; `kinds` (of `KINDS`), `regions`, `nodes`: the same,
-    distributed; `boundaries`: heat that each has taken; `stored`: region -> what its nodes hold more at the end than
-    at the start; `left`: what the balance does not close by, rounding."""
+@dataclass(frozen=True, kw_only=True)
+class HeatPart:
+    """A part of the heat of a run: its mean, and its energy over the run."""
 
-    duration_s: float
-    made: float
-    kinds: Mapping[str, float]
-    regions: Mapping[str, float]
-    nodes: Mapping[str, float]
-    boundaries: Mapping[str, float]
-    stored: Mapping[str, float]
-    left: float
+    mean_W: float
+    energy_J: float
 
 
-def account(network: Network, frame: Frame, temperatures: Floats, flows: HeatFlows) -> HeatAccount:
-    """The energies of a run, from its heats."""
+@dataclass(frozen=True, kw_only=True)
+class StoredHeat:
+    """What the nodes of a region hold at the end of a run beyond what they held at its start."""
+
+    energy_J: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeatBalance:
+    """All losses of a run, then the same by kind (of `KINDS`), region and node; what each boundary took and each region
+    stored; `left_J`: what the balance does not close by, rounding."""
+
+    mean_W: float
+    energy_J: float
+    kinds: dict[str, HeatPart]
+    regions: dict[str, HeatPart]
+    nodes: dict[str, HeatPart]
+    boundaries: dict[str, HeatPart]
+    stored: dict[str, StoredHeat]
+    left_J: float
+
+    @property
+    def stored_J(self) -> float:
+        """What all regions stored."""
+        return sum(one.energy_J for one in self.stored.values())
+
+
+def account(network: Network, frame: Frame, temperatures: Floats, flows: HeatFlows) -> HeatBalance:
+    """The energies and means of a run, from its heats."""
     region = {node.name: node.region for node in network.nodes}
     places = [source.node for source in network.sources for _ in source.terms]
     energies = (flows.terms.sum(axis=1) * frame.step_s).tolist()
@@ -206,14 +225,18 @@ def account(network: Network, frame: Frame, temperatures: Floats, flows: HeatFlo
     taken = dict(
         zip((b.name for b in network.boundaries), (flows.boundaries.sum(axis=1) * frame.step_s).tolist(), strict=True)
     )
-    made = sum(energies)
-    return HeatAccount(
-        duration_s=len(frame.features) * frame.step_s,
-        made=made,
-        kinds={kind: float(heat.sum()) * frame.step_s for kind, heat in by_kind(network, flows).items()},
-        regions=regions,
-        nodes=nodes,
-        boundaries=taken,
-        stored=stored,
-        left=made - sum(taken.values()) - sum(stored.values()),
+    made, duration_s = sum(energies), len(frame.features) * frame.step_s
+
+    def parts(energies: Mapping[str, float]) -> dict[str, HeatPart]:
+        return {name: HeatPart(mean_W=J / duration_s, energy_J=J) for name, J in energies.items()}
+
+    return HeatBalance(
+        mean_W=made / duration_s,
+        energy_J=made,
+        kinds=parts({kind: float(heat.sum()) * frame.step_s for kind, heat in by_kind(network, flows).items()}),
+        regions=parts(regions),
+        nodes=parts(nodes),
+        boundaries=parts(taken),
+        stored={name: StoredHeat(energy_J=energy) for name, energy in stored.items()},
+        left_J=made - sum(taken.values()) - sum(stored.values()),
     )

@@ -24,6 +24,11 @@ def network_of(store: Store, facts: Facts, session: SessionRecorded, model: str)
         raise ReplayDataError(f"session {session.name}: {error}.") from None
 
 
+def whole_motor(store: Store, facts: Facts, model: str) -> Network:
+    """The motor of `model` in no configuration."""
+    return configured(read_motor(store.archive.read(model), facts.models[model].file), None)
+
+
 def refuse_other_rigs(sessions: Sequence[SessionRecorded]) -> None:
     """Raises ReplayDataError where a session is not of the whole motor."""
     for session in sessions:

@@ -6,10 +6,10 @@ import hashlib
 from pathlib import Path
 
 from ingest.facts import facts as ledger_facts
-from ingest.facts.events import ModelPublished, MotorRegistered, SessionRecorded
+from ingest.facts.events import ModelPublished, SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
-from ingest.intake.setup import MotorFile
+from ingest.intake.setup import MotorFile, Setup, keep_setup, mend_setup
 from ingest.texts.names import handle
 from ingest.texts.nearest import hint
 from replay.engine.files.motor_file import read_motor
@@ -34,16 +34,18 @@ def for_intake(path: Path) -> MotorFile:
 
 def publish_model(store: Store, path: Path) -> str:
     """Seal a motor file, made whole, and make it known; returns the model id (its SHA-256). Raises MotorFileError."""
-    data = whole(path)
-    network = read_motor(data, path.name)
-    model = store.archive.seal(data)
-    known = ledger_facts.at(store.ledger)
-    if model not in known.models:
-        if not any(published.motor == network.name for published in known.models.values()):
-            store.ledger.append(f"motor-{network.name}", MotorRegistered(name=network.name))
-        event = ModelPublished(model=model, motor=network.name, file=path.name, parent=None)
-        store.ledger.append(f"motor-{network.name}", event)
-    return model
+    motor, known = for_intake(path), ledger_facts.at(store.ledger)
+    setup = Setup(None, b"", (), motor, motor.model)
+    mend_setup(store, known, setup)
+    keep_setup(store, known, setup)
+    return motor.model
+
+
+def published(facts: Facts, parent: str, model: str) -> list[tuple[str, ModelPublished]]:
+    """The fact that `model` was made from `parent`, with the stream that it belongs to; none where it holds already."""
+    of = facts.models[parent]
+    event = ModelPublished(model=model, motor=of.motor, file=of.file, parent=parent)
+    return [] if model in facts.models else [(f"motor-{of.motor}", event)]
 
 
 def find_model(facts: Facts, text: str, or_file: bool = True) -> str:

@@ -1,37 +1,17 @@
-"""Where the heat of a run comes from, where it goes to, and the efficiency: parts of a run's summary."""
+"""Where the heat of a run comes from and where it goes to, step by step, and the efficiency."""
 
 from __future__ import annotations
-
-from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from replay.engine.frame.frame import InputFrame
 from replay.engine.results.run import HeatCourse
-from replay.engine.results.summary import Efficiency, HeatBalance, HeatPart, StoredHeat
+from replay.engine.results.summary import Efficiency
 from twin.motor.network import Network
-from twin.run.losses import HeatAccount, HeatFlows, by_kind
+from twin.run.losses import HeatFlows, by_kind
 
 Floats = NDArray[np.float64]
-
-
-def heat_balance(found: HeatAccount) -> HeatBalance:
-    """Energies and means of the losses, of what boundaries took and nodes stored."""
-
-    def parts(energies: Mapping[str, float]) -> dict[str, HeatPart]:
-        return {name: HeatPart(mean_W=J / found.duration_s, energy_J=J) for name, J in energies.items()}
-
-    return HeatBalance(
-        mean_W=found.made / found.duration_s,
-        energy_J=found.made,
-        kinds=parts(found.kinds),
-        regions=parts(found.regions),
-        nodes=parts(found.nodes),
-        boundaries=parts(found.boundaries),
-        stored={region: StoredHeat(energy_J=energy) for region, energy in found.stored.items()},
-        left_J=found.left,
-    )
 
 
 def heat_course(network: Network, flows: HeatFlows) -> HeatCourse:

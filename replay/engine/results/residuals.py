@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ingest.catalogue.channels import ChannelData
 from replay.engine.frame.frame import InputFrame
 from replay.engine.results.artefacts import AROUND, steps_of
 from replay.engine.results.run import Compared, Metered, Observed
@@ -19,11 +21,13 @@ CELLS = 8
 CONCENTRATED = 1.25  # a cell belongs to "where" if its mean error is this much above the whole's
 
 
-def errors_of_channels(frame: InputFrame, observed: Sequence[Observed]) -> list[ChannelErrors]:
-    """The errors of a run's thermometers; one without a usable step is left out."""
+def errors_of_channels(
+    frame: InputFrame, observed: Sequence[Observed], recorded: Sequence[ChannelData]
+) -> list[ChannelErrors]:
+    """The errors of a run's thermometers, also against readings as recorded; one without a usable step is left out."""
     start = int(frame.t_ns[0])
     found = (channel_errors(o, _around(frame, o, {"temperature_degC": o.measured}), start) for o in observed)
-    return [one for one in found if one is not None]
+    return with_errors_as_recorded([one for one in found if one is not None], observed, recorded)
 
 
 def errors_of_meters(frame: InputFrame, meters: Sequence[Metered]) -> list[MeterErrors]:
@@ -47,6 +51,28 @@ def channel_errors(observed: Observed, places: Mapping[str, Floats], start_ns: i
         floor_K=observed.floor_K,
         measured_max_degC=float(observed.measured[highest]),
         measured_max_at_s=float((observed.t_ns[highest] - start_ns) / 1e9),
+    )
+
+
+def with_errors_as_recorded(
+    errors: Sequence[ChannelErrors], observed: Sequence[Observed], recorded: Sequence[ChannelData]
+) -> list[ChannelErrors]:
+    """The errors of a run's thermometers; of those whose values the bench file corrects also what the error is without
+    that, and by how much the reading was moved. Stamps that were moved stay so."""
+    corrected = {one.spec.name: one for one in recorded if one.read is not None}
+    of = {one.channel: one for one in observed}
+    return [
+        _beside(one, of[one.channel], corrected[one.channel]) if one.channel in corrected else one for one in errors
+    ]
+
+
+def _beside(error: ChannelErrors, observed: Observed, channel: ChannelData) -> ChannelErrors:
+    use, start = observed.usable, channel.t_ns[0]
+    by = np.interp(observed.t_ns[use] - start, channel.t_ns - start, channel.value - channel.recorded)
+    return replace(
+        error,
+        mae_recorded_K=float(np.abs(observed.residual[use] - by).mean()),
+        reading_moved_K=float(by.mean()),
     )
 
 

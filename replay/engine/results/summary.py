@@ -13,6 +13,7 @@ from ingest.bench.derating import DeratingRule
 from replay.engine.results.as_json import IF_SAID, from_json, to_json
 from replay.engine.specimen.aged import Aged
 from twin.run.derating import Derated
+from twin.run.losses import HeatBalance
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,41 +86,6 @@ class MeterErrors:
     def within_floor(self) -> bool:
         """The mean error is not larger than what the meter itself leaves open."""
         return self.mae <= self.floor
-
-
-@dataclass(frozen=True, kw_only=True)
-class HeatPart:
-    """A part of the heat of a run: its mean, and its energy over the run."""
-
-    mean_W: float
-    energy_J: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class StoredHeat:
-    """What the nodes of a region hold at the end of a run beyond what they held at its start."""
-
-    energy_J: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class HeatBalance:
-    """All losses of a run, then the same by kind, region and node; what each boundary took and each region stored;
-    `left_J`: what the balance does not close by."""
-
-    mean_W: float
-    energy_J: float
-    kinds: dict[str, HeatPart]
-    regions: dict[str, HeatPart]
-    nodes: dict[str, HeatPart]
-    boundaries: dict[str, HeatPart]
-    stored: dict[str, StoredHeat]
-    left_J: float
-
-    @property
-    def stored_J(self) -> float:
-        """What all regions stored."""
-        return sum(one.energy_J for one in self.stored.values())
 
 
 @dataclass(frozen=True, kw_only=True)

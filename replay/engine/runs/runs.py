@@ -15,7 +15,7 @@ from ingest.catalogue.channels import load
 from ingest.facts.events import ReplayCompleted, ReplayDiverged, SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
-from replay.engine.files.bench_versions import with_bench_of
+from replay.engine.files.benches import with_bench_of
 from replay.engine.files.configurations import network_of
 from replay.engine.results.artefacts import (
     filtered_table,

@@ -13,9 +13,8 @@ from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from ingest.texts.names import handle
-from replay.engine.results.as_read import with_errors_as_recorded
 from replay.engine.results.filtered import Estimated, filter_summary
-from replay.engine.results.heat_account import efficiency_of, heat_balance
+from replay.engine.results.heat_account import efficiency_of
 from replay.engine.results.hot_spot_bands import with_bands
 from replay.engine.results.hot_spots import deratings, hot_spots, limits, watched
 from replay.engine.results.residuals import errors_of_channels, errors_of_meters, largest_by_node, mean_by_node
@@ -28,7 +27,7 @@ from twin.run.losses import account
 def summary_of(store: Store, facts: Facts, made: OpenLoop, digest: str, filtered: Estimated | None) -> Summary:
     """The summary of a run; `filtered`: None where no filter was run."""
     session, network, frame, temperatures = made.session, made.network, made.frame, made.temperatures
-    channels = with_errors_as_recorded(errors_of_channels(frame, made.observed), made.observed, made.recorded)
+    channels = errors_of_channels(frame, made.observed, made.recorded)
     power = balance(made.recorded)
     rules = _deratings(store, facts, session)
     shown = watched(rules, made.recorded, frame.t_ns[:-1])
@@ -54,7 +53,7 @@ def summary_of(store: Store, facts: Facts, made: OpenLoop, digest: str, filtered
         meters=errors_of_meters(frame, made.meters),
         network_heat_W=float(made.flows.made.mean()),
         electrical_minus_mechanical_W=power.mean_loss_W if power else None,
-        losses=heat_balance(account(network, made.inputs, temperatures, made.flows)),
+        losses=account(network, made.inputs, temperatures, made.flows),
         efficiency=efficiency_of(frame, made.flows),
         limits=limits(network, temperatures, frame.step_s),
         hot_spots=with_bands(

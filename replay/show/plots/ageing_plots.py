@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from replay.show.plots.plots import WIDTH
 from replay.show.words import words
 from replay.show.words.courses import form
-from replay.show.words.figure import FigureTable, Plot, fitting, inline_svg, style
+from replay.show.words.figure import BEHIND, FigureTable, Plot, fitting, inline_svg, style
 from replay.show.words.palette import COLOURS, INK, SOFT
 from replay.studies.ageing.assessment import Assessment, Batch, Density, Specimen
 
@@ -171,7 +171,7 @@ def _courses_table(found: Assessment) -> FigureTable:
                     "–" if r is None else f"{r:.4g}",
                     _cell(check.sd_percent, 1),
                     _cell(None if r is None else 100 * r / first, 1),
-                    check.source or "",
+                    check.from_ or "",
                     check.why or "",
                 )
             )
@@ -234,14 +234,7 @@ def _draw_forest(ax: Axes, shown: Sequence[Specimen], batches: Mapping[str | Non
             ax.plot(batch.slope_percent_per_100h, len(labels), marker="D", markersize=6, color=colour)
             if batch.score is not None:
                 says = f"{batch.score:+.1f} sd".replace("-", "−")
-                ax.annotate(
-                    says,
-                    (batch.slope_percent_per_100h, len(labels)),
-                    xytext=(7, 0),
-                    textcoords="offset points",
-                    va="center",
-                    fontsize=7,
-                )
+                ax.annotate(says, (batch.slope_percent_per_100h, len(labels)), **BEHIND | {"xytext": (7, 0)})
             labels.append(fitting(f"batch {batch.batch}, {batch.specimens}", 20))
         before = one.batch
         slope, sd = one.fleet_slope_percent_per_100h or 0.0, one.fleet_slope_sd or 0.0

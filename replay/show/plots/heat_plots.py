@@ -9,13 +9,13 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from replay.engine.results.run import Run
-from replay.engine.results.summary import HeatBalance, HeatPart, StoredHeat
 from replay.show.plots.plots import WIDTH, over_driving, strip, time_axis
 from replay.show.plots.sankey import draw_flows
 from replay.show.words import heat_words, words
 from replay.show.words.figure import FigureTable, Plot, inline_svg, name_lines, named, panels, style, tick
 from replay.show.words.palette import COLOURS, DASHES, INK, SOFT
 from replay.show.words.thin import thin
+from twin.run.losses import HeatBalance, HeatPart, StoredHeat
 
 Floats = NDArray[np.float64]
 Parts = list[tuple[str, float]]  # name, mean [W]

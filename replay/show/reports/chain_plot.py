@@ -12,7 +12,7 @@ from replay.show.reports import steps
 from replay.show.reports.gain_plot import cell
 from replay.show.reports.verdict import figures
 from replay.show.words import words
-from replay.show.words.figure import KEY_ABOVE, FigureTable, Plot, inline_svg, style
+from replay.show.words.figure import BEHIND, KEY_ABOVE, FigureTable, Plot, inline_svg, style
 from replay.show.words.palette import COLOURS, INK
 from replay.studies.diagnosis.answer import ChainStep, Diagnosis
 
@@ -59,15 +59,7 @@ def _draw(chain: Sequence[ChainStep]) -> Figure:
         axes.barh(rows + shift, values, height=0.3, color=colour, label=label)
         for row, value in zip(rows, values, strict=True):
             if value:
-                axes.annotate(
-                    f"{value:.2f}",
-                    (value, row + shift),
-                    xytext=(5, 0),
-                    textcoords="offset points",
-                    va="center",
-                    fontsize=7,
-                    color=INK[0],
-                )
+                axes.annotate(f"{value:.2f}", (value, row + shift), color=INK[0], **BEHIND)
     axes.set_yticks(rows, [_label(step) for step in chain])
     axes.invert_yaxis()
     axes.grid(False, axis="y")

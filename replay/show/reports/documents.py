@@ -8,7 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from ingest.catalogue.channels import load
-from ingest.facts.events import DiagnosisCompleted, ReplayCompleted, SessionRecorded
+from ingest.facts.events import ReplayCompleted, SessionRecorded
 from ingest.facts.facts import Facts, at
 from ingest.facts.store import Store
 from replay.engine.files.configurations import network_of
@@ -25,7 +25,8 @@ from replay.show.viewer.seen import SessionSeen
 from replay.show.words.words import joined, short
 from replay.studies.ageing import assessment
 from replay.studies.ageing.assessment import Assessment
-from replay.studies.diagnosis.answer import Diagnosis, read
+from replay.studies.diagnosis.accept import sealed_diagnosis
+from replay.studies.diagnosis.answer import Diagnosis
 from replay.studies.diagnosis.formulas import text_diff
 
 NAMED = ("whyhot", "numpy", "scipy", "numba", "pyarrow", "matplotlib")
@@ -131,11 +132,6 @@ def write_sealed_diagnosis(store: Store, facts: Facts, diagnosis: Diagnosis, tar
     }
     network = network_of(store, facts, facts.session(diagnosis.train[0]), diagnosis.model)
     write_diagnosis_report(diagnosis, runs, network, _difference(store, diagnosis), target, context(store, command))
-
-
-def sealed_diagnosis(store: Store, event: DiagnosisCompleted) -> Diagnosis:
-    """The answer that a diagnosis was sealed with."""
-    return read(json.loads(store.archive.read(event.artefact)))
 
 
 def last_assessment(store: Store, facts: Facts) -> Assessment | None:

@@ -12,7 +12,7 @@ from replay.show.plots.compare import MODELS
 from replay.show.plots.plots import WIDTH
 from replay.show.reports.kept_errors import STAGES, change, errors, fitted, furthest_first, how, moved, on_kept, stages
 from replay.show.words import words
-from replay.show.words.figure import KEY_ABOVE, FigureTable, Plot, inline_svg, style
+from replay.show.words.figure import BEHIND, KEY_ABOVE, FigureTable, Plot, inline_svg, style
 from replay.show.words.palette import INK
 from replay.studies.diagnosis.answer import Diagnosis, KeptGain
 
@@ -75,9 +75,7 @@ def _draw_stage(axes: Axes, gains: Sequence[KeptGain], stage: str, places: np.nd
     axes.plot(marks, places, "o", color=INK[0], markersize=3.5)
     for gain, place, bar, mark in zip(gains, places, recorded, marks, strict=True):
         tip = max(bar, mark, gain.mae_before_K - min(gain.ci95_K) if stage == "after" else 0.0)
-        axes.annotate(
-            errors(gain, [stage]), (tip, place), xytext=(5, 0), textcoords="offset points", va="center", fontsize=7
-        )
+        axes.annotate(errors(gain, [stage]), (tip, place), **BEHIND)
 
 
 def _draw_intervals(axes: Axes, gains: Sequence[KeptGain], places: np.ndarray) -> None:

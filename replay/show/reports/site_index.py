@@ -10,7 +10,7 @@ from ingest.facts.store import Store
 from replay.engine.results.summary import Summary, read
 from replay.show.reports import sentences
 from replay.show.reports.diagnosis_text import diagnosis_name
-from replay.show.reports.documents import context, current_run, last_assessment, sealed_diagnosis
+from replay.show.reports.documents import context, current_run, last_assessment
 from replay.show.reports.report import moment
 from replay.show.reports.site import Course
 from replay.show.reports.site_pages import AGEING, COMMAND, diagnosis_path, session_path
@@ -20,6 +20,7 @@ from replay.show.words.findings import direction, mean_error, worst_first
 from replay.show.words.page import template
 from replay.studies.ageing.assess import is_of_now
 from replay.studies.ageing.assessment import Assessment
+from replay.studies.diagnosis.accept import sealed_diagnosis
 
 WIDE, HIGH = 140, 24  # of a course, in points
 MOST = 200  # sessions without a report that are listed: a fleet has one a motor

@@ -20,15 +20,10 @@ from replay.engine.results.sealed import load_run
 from replay.engine.runs.sources import code_of
 from replay.show.plots.residual_strip import column_means
 from replay.show.reports.ageing_report import write_ageing_report
-from replay.show.reports.documents import (
-    context,
-    current_run,
-    last_assessment,
-    sealed_diagnosis,
-    write_sealed_diagnosis,
-)
+from replay.show.reports.documents import context, current_run, last_assessment, write_sealed_diagnosis
 from replay.show.reports.report import write_report
 from replay.show.reports.site import Course, PageWanted
+from replay.studies.diagnosis.accept import sealed_diagnosis
 
 AGEING = "ageing.html"
 COMMAND = "whyhot index"

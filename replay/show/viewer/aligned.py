@@ -13,9 +13,8 @@ from ingest.morning.matching import block_length, blocks, driven_by, match, oper
 from ingest.texts.quantities import STORED_UNIT
 from replay.errors import ViewerError
 from replay.show.viewer import beside
-from replay.show.viewer.blueprint import FIRST, key, page, phases, series
 from replay.show.viewer.layer_file import LayerFile
-from replay.show.viewer.seen import SessionSeen, path, unit
+from replay.show.viewer.seen import SessionSeen, path, sdk, unit
 from replay.show.words import words
 from replay.show.words.palette import SERIES
 
@@ -35,6 +34,7 @@ def write_aligned(sessions: Sequence[SessionSeen], way: str, folder: Path) -> Pa
     if way == "test":
         zeros = [zeros[0], *(zeros[0] + _later(sessions[0], other) for other in sessions[1:])]
     names = [one.session.name for one in sessions]
+    sdk()
     folder.mkdir(parents=True, exist_ok=True)
     target = folder / f"{'+'.join(names)}.rrd"
     id_ = "+".join(one.session.session for one in sessions)
@@ -102,6 +102,8 @@ def _where(channel: ChannelData) -> tuple[str, str] | None:
 
 def _layout(sessions: Sequence[SessionSeen]) -> Any:
     import rerun.blueprint as rrb
+
+    from replay.show.viewer.blueprint import FIRST, key, page, phases, series
 
     nodes = list(dict.fromkeys(node for one in sessions for node in one.observed))[: 2 * FIRST]
     columns = []

@@ -6,6 +6,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import rerun.blueprint as rrb
+
 from ingest.catalogue.channels import ChannelData
 from ingest.texts.plain import plain_line
 from replay.show.viewer.seen import TIMELINES, SessionSeen, of_model, path, sdk, unit
@@ -21,16 +23,12 @@ OPEN = 0  # the tab that is seen first
 
 def of(seen: SessionSeen) -> Any:
     """The layout of a session, the same whichever of its layers is read first."""
-    import rerun.blueprint as rrb
-
     tabs = [_first(seen), *_rest(seen), *_estimated_loss(seen), *_motor(seen)]
     return page(tabs, [rrb.TextDocumentView(name="answer", origin="/answer"), *_what_happened(seen)])
 
 
 def page(tabs: Sequence[Any], side: Sequence[Any]) -> Any:
     """Tabs with texts beside them."""
-    import rerun.blueprint as rrb
-
     beside = rrb.Vertical(*side, row_shares=[3, 1][: len(side)])
     return rrb.Blueprint(
         rrb.Horizontal(rrb.Tabs(*tabs, active_tab=OPEN), beside, column_shares=[4, 1]),
@@ -42,8 +40,6 @@ def page(tabs: Sequence[Any], side: Sequence[Any]) -> Any:
 
 def _first(seen: SessionSeen) -> Any:
     """The nodes that the first model is furthest off at, what drove the motor, and its phases."""
-    import rerun.blueprint as rrb
-
     columns = [_node(seen, node) for node in seen.observed[:FIRST]]
     rows = [key("lines"), rrb.Horizontal(*columns), inputs(seen.channels), phases()]
     return rrb.Vertical(*rows, row_shares=[0.8, 6, 1.7, 1.0], name="temperatures")
@@ -51,8 +47,6 @@ def _first(seen: SessionSeen) -> Any:
 
 def _node(seen: SessionSeen, node: str) -> Any:
     """A node's temperatures over its residuals."""
-    import rerun.blueprint as rrb
-
     if not seen.runs:
         return temperatures(seen, words.capital(words.name(node)), [node])
     models = [words.short(run.model) for run in seen.runs.values()]
@@ -76,8 +70,6 @@ def temperatures(seen: SessionSeen, title: str, nodes: Sequence[str]) -> Any:
 
 def _rest(seen: SessionSeen) -> list[Any]:
     """The other nodes with a sensor, each with its residual; then those without one, and the whole heat."""
-    import rerun.blueprint as rrb
-
     found = []
     if more := seen.observed[FIRST:]:
         found.append(rrb.Vertical(key("lines"), _grid([_node(seen, node) for node in more]), row_shares=[0.8, 8]))
@@ -101,8 +93,6 @@ def _panels(seen: SessionSeen) -> dict[str, list[str]]:
 
 def _estimated_loss(seen: SessionSeen) -> list[Any]:
     """The filter's tab: the heat that it estimates, and the temperature there."""
-    import rerun.blueprint as rrb
-
     run = seen.first
     if run is None or run.filtered is None:
         return []
@@ -116,8 +106,6 @@ def _estimated_loss(seen: SessionSeen) -> list[Any]:
 
 def _motor(seen: SessionSeen) -> list[Any]:
     """The network as a graph and the motor cut open, coloured by temperature, with a line to move the cursor on."""
-    import rerun.blueprint as rrb
-
     if seen.network is None or not seen.last:
         return []
     label = seen.label(seen.last[0])
@@ -140,8 +128,6 @@ def _motor(seen: SessionSeen) -> list[Any]:
 
 
 def _what_happened(seen: SessionSeen) -> list[Any]:
-    import rerun.blueprint as rrb
-
     hidden = [rrb.encodings.TimelineColumn(name, visible=False) for name in TIMELINES]
     body = [rrb.encodings.TextLogColumn("body")]
     columns = rrb.archetypes.TextLogColumns(timeline_columns=hidden, text_log_columns=body)
@@ -150,23 +136,17 @@ def _what_happened(seen: SessionSeen) -> list[Any]:
 
 def key(name: str) -> Any:
     """A strip that says what colours mean."""
-    import rerun.blueprint as rrb
-
     title = "temperature" if name == "temperature" else "lines"
     bounds = rrb.VisualBounds2D(x_range=[0.0, KEY[0]], y_range=[-8.0, KEY[1] - 8.0])
     return rrb.Spatial2DView(name=title, origin=f"/key/{name}", visual_bounds=bounds)
 
 
 def _grid(views: Sequence[Any]) -> Any:
-    import rerun.blueprint as rrb
-
     return rrb.Grid(*views, grid_columns=max(1, min(5, len(views))))
 
 
 def series(name: str, contents: Sequence[str]) -> Any:
     """A plot over time of the whole session; names are at the cursor, not in a legend over the lines."""
-    import rerun.blueprint as rrb
-
     legend = rrb.PlotLegend(visible=False)
     shown = {"axis_x": _whole(), "plot_legend": legend}
     return rrb.TimeSeriesView(name=plain_line(name), origin="/", contents=list(contents), **shown)
@@ -174,8 +154,6 @@ def series(name: str, contents: Sequence[str]) -> Any:
 
 def inputs(channels: Sequence[ChannelData]) -> Any:
     """What drove the motor, a panel a channel."""
-    import rerun.blueprint as rrb
-
     own = [one.spec for one in channels if one.spec.role == "input" and one.t_ns.size]
     there = {spec.quantity for spec in own}
     if "current" in there:
@@ -190,15 +168,11 @@ def inputs(channels: Sequence[ChannelData]) -> Any:
 
 def phases() -> Any:
     """When the motor turned, what state channels said, and which samples are not used."""
-    import rerun.blueprint as rrb
-
     contents = ["+ /phase/**", "+ /masked/**"]
     return rrb.StateTimelineView(name="phases and masked samples", origin="/", contents=contents, time_view=_whole())
 
 
 def _whole() -> Any:
     """An axis over the whole of whichever session is shown: the viewer's default is 30 s around the cursor."""
-    import rerun.blueprint as rrb
-
     ends = sdk().TimeRangeBoundary.infinite()
     return rrb.archetypes.TimeAxis(view_range=sdk().TimeRange(start=ends, end=ends))

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ingest.catalogue.channels import ChannelData
 from ingest.texts.times import clock
 from replay.engine.results.run import Run
-from replay.show.viewer import beside, blueprint
+from replay.show.viewer import beside
 from replay.show.viewer.layer_file import LayerFile
 from replay.show.viewer.network_layer import draw_motor
 from replay.show.viewer.seen import (
@@ -57,6 +57,8 @@ def write_layers(seen: SessionSeen, folder: Path) -> list[Path]:
         network, (_, last) = seen.network, seen.last
         layers["network"] = lambda to: draw_motor(to, network, last, seen.session.start_ns)
     sdk()
+    from replay.show.viewer import blueprint  # made of the SDK
+
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
     for name, write in layers.items():

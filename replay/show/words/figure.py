@@ -56,6 +56,7 @@ STYLE: Any = {
     "ytick.major.width": 0.6,
 }
 KEY_ABOVE: Any = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "frameon": False, "borderpad": 0}  # of a key
+BEHIND: Any = {"xytext": (5, 0), "textcoords": "offset points", "va": "center", "fontsize": 7}  # a bar
 BAND: Any = {"color": SOFT[0], "alpha": 0.22, "linewidth": 0}  # within which nothing can be told
 LINE_ID, AXES_ID = "line: ", "axes: "  # how ids begin that tell the page's script what a line and its axes are
 MOVING = "band: "  # the id of what else moves along the axis with the lines: a band, a shade, rows of colours

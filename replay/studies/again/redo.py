@@ -61,6 +61,6 @@ def _again(store: Store, old: Stale, tell: Callable[[str], None]) -> str:
             return calibrate_sessions(store, facts, sessions, old.model, event.level, only).event.calibration
         case DiagnosisCompleted():
             level = event.key.get("level", "testing")
-            return diagnose(store, facts, sessions, kept, old.model, level, tell).diagnosis.diagnosis
+            return diagnose(store, facts, sessions, kept, old.model, level, tell).diagnosis
         case AgeingAssessed():
             return assess(store, facts, old.model, None, tell).assessment

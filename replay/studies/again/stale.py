@@ -23,7 +23,7 @@ from ingest.facts.events import (
 from ingest.facts.facts import Facts
 from ingest.facts.ledger_row import Recorded
 from ingest.texts.names import handle
-from replay.engine.files.bench_versions import MADE
+from replay.engine.files.benches import MADE
 from replay.studies.ageing.assess import is_of_now
 
 Answer = ReplayCompleted | CalibrationCompleted | DiagnosisCompleted | AgeingAssessed

@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.facts.events import AgeingAssessed, ModelPublished, SessionRecorded
+from ingest.facts.events import AgeingAssessed, SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.sessions import natural
 from ingest.facts.store import Store
 from ingest.units.each import Workers
+from replay.engine.files.models import published
 from replay.engine.files.motor_file import read_motor
 from replay.engine.files.motor_text import with_law
 from replay.engine.runs.identity import run_id
@@ -267,9 +268,7 @@ def _published(store: Store, facts: Facts, motor: str, law: AgeingLaw) -> str:
     network = read_motor(text, parent.file)
     aged = with_law(text.decode("utf-8"), network, law.percent_per_100h, law.sd, THRESHOLD_DEGC, law.from_h)
     model = store.archive.seal(aged.encode("utf-8"))
-    if model not in facts.models:
-        published = ModelPublished(model=model, motor=parent.motor, file=parent.file, parent=motor)
-        store.ledger.append(f"motor-{parent.motor}", published)
+    store.ledger.append_all(published(facts, motor, model))
     return model
 
 
@@ -372,7 +371,7 @@ def _check(point: Point, number: int, first: float | None, sd: float | None, lef
         resistance_K_per_W=r,
         sd=point.sd,
         sd_percent=None if sd is None else 100 * sd,
-        source=point.source,
+        from_=point.source,
         state=getattr(found, "steady", None),
         why=point.why or getattr(found, "why", None),
         conductivity_percent=100 * first / r if first and r else None,

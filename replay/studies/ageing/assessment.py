@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from replay.engine.results.as_json import from_json, to_json
 from replay.engine.specimen.heat_history import HoursByTemperature
 
 SCHEMA = "whyhot.ageing/1"
@@ -17,9 +18,9 @@ class DcCheck:
     """One DC check. `dose_h`: hours above the threshold before it; `equivalent_h`: the same dose as hours at the
     threshold, [least, most] over the rules of `Assessment.rules`, None where the temperatures are not known; `sd`
     [K/W] of this check alone; `sd_percent` [% of R] together with how checks repeat, by which courses are weighed;
-    `source`: what R was taken from (JSON: `from`); `why` there is no R, or no dose; `conductivity_percent`: of the
-    specimen's first check. `cycles`, `discharge_h`: how many thermal cycles were before it, and hours with a test
-    voltage above the inception voltage; None where not known."""
+    `from_`: what R was taken from; `why` there is no R, or no dose; `conductivity_percent`: of the specimen's first
+    check. `cycles`, `discharge_h`: how many thermal cycles were before it, and hours with a test voltage above the
+    inception voltage; None where not known."""
 
     session: str
     session_name: str
@@ -29,7 +30,7 @@ class DcCheck:
     equivalent_h: list[float] | None
     resistance_K_per_W: float | None
     sd: float | None
-    source: str | None
+    from_: str | None
     state: str | None
     why: str | None
     conductivity_percent: float | None
@@ -238,14 +239,7 @@ def document(found: Assessment, provenance: Mapping[str, Any]) -> dict[str, Any]
         "outlying_batches": [{"batch": one.batch, "score": one.score} for one in _outlying(found.batches)],
         "false_discovery_rate": found.false_discovery_rate,
     }
-    said = vars(found) | {
-        "law": asdict(found.law) if found.law else None,
-        "life": asdict(found.life),
-        "whole": asdict(found.whole),
-        "specimens": [_specimen(one) for one in found.specimens],
-        "batches": [asdict(one) for one in found.batches],
-        "stress": [asdict(one) for one in found.stress],
-    }
+    said = to_json(found)
     del said["false_discovery_rate"], said["notes"]
     return {"schema": SCHEMA, **said, "fleet": fleet, "notes": found.notes, "provenance": dict(provenance)}
 
@@ -257,18 +251,10 @@ def _outlying(some: Sequence[Compared]) -> list[Compared]:
 
 def read(data: Mapping[str, Any]) -> Assessment:
     """The answer that `document` wrote."""
-    specimens = [_read_specimen(one) for one in data["specimens"]]
-    made = {
-        "specimens": specimens,
-        "whole": _read_whole(data["whole"]) if "whole" in data else _of_all(specimens),
-        "batches": [Batch(**one) for one in data["batches"]],
-        "law": AgeingLaw(**data["law"]) if data["law"] else None,
-        "life": _read_life(data["life"]),
-        "stress": [StressEffect(**one) for one in data["stress"]],
-        "false_discovery_rate": data["fleet"]["false_discovery_rate"],
-    }
-    plain = {field.name: data[field.name] for field in fields(Assessment) if field.name in data}
-    return Assessment(**plain | made)
+    known = data.get("whole") or to_json(_of_all(from_json(list[Specimen], data["specimens"])))
+    whole, rate = {"weighed": known["specimens"], **known}, data["fleet"]["false_discovery_rate"]
+    found: Assessment = from_json(Assessment, {**data, "whole": whole, "false_discovery_rate": rate})
+    return found
 
 
 def _of_all(specimens: Sequence[Specimen]) -> FleetCounts:
@@ -281,26 +267,3 @@ def _of_all(specimens: Sequence[Specimen]) -> FleetCounts:
         outlying=sum(one.outlying for one in specimens),
         density=None,
     )
-
-
-def _read_whole(data: Mapping[str, Any]) -> FleetCounts:
-    density = Density(**data["density"]) if data["density"] else None
-    return FleetCounts(**{"weighed": data["specimens"], **data, "density": density})
-
-
-def _read_life(data: Mapping[str, Any]) -> AssessedLives:
-    law = LivesLaw(**data["law"]) if data["law"] else None
-    return AssessedLives(**{**data, "lives": [OneLife(**one) for one in data["lives"]], "law": law})
-
-
-def _specimen(one: Specimen) -> dict[str, Any]:
-    checks = [{"from" if key == "source" else key: value for key, value in vars(check).items()} for check in one.checks]
-    return {**vars(one), "checks": checks, "cycles": [vars(cycle) for cycle in one.cycles]}
-
-
-def _read_specimen(data: Mapping[str, Any]) -> Specimen:
-    checks = [
-        DcCheck(**{"source" if key == "from" else key: value for key, value in one.items()}) for one in data["checks"]
-    ]
-    cycles = [OvenCycle(**one) for one in data["cycles"]]
-    return Specimen(**{**data, "checks": checks, "cycles": cycles})

@@ -77,7 +77,8 @@ def _hour_rows(one: HotHours) -> Iterable[dict[str, Any]]:
 
 def _check_row(check: DcCheck) -> dict[str, Any]:
     left = None if check.left is None else json.dumps(check.left, sort_keys=True)
-    return vars(check) | _ends("equivalent_{}_h", check.equivalent_h) | {"sd_K_per_W": check.sd, "left": left}
+    own = {"sd_K_per_W": check.sd, "source": check.from_, "left": left}
+    return vars(check) | _ends("equivalent_{}_h", check.equivalent_h) | own
 
 
 def _specimen_row(one: Specimen) -> dict[str, Any]:

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from ingest.facts.events import CalibrationCompleted, Event, ModelPublished, SessionRecorded
+from ingest.facts.events import CalibrationCompleted, Event, SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from ingest.texts.names import handle
 from ingest.texts.nearest import hint
 from replay.engine.files.configurations import network_of
-from replay.engine.files.models import model_of
+from replay.engine.files.models import model_of, published
 from replay.engine.files.motor_file import read_motor
 from replay.engine.files.motor_text import written
 from replay.engine.results.artefacts import to_parquet
@@ -38,11 +38,10 @@ UNITS = {"loss": "W", "conductance": "W/K", "capacity": "J/K"}
 
 @dataclass(frozen=True)
 class CalibrationResult:
-    """A calibration: the fact, whether the ledger had it already, the numbers behind it (covariance included), and
-    the sessions as they were learnt from, in their order."""
+    """A calibration: the fact, the numbers behind it (covariance included), and the sessions as they were learnt from,
+    in their order."""
 
     event: CalibrationCompleted
-    known: bool
     calibration: Calibration
     tests: tuple[Test, ...]
 
@@ -102,7 +101,8 @@ def calibrate_sessions(
         errors=_errors(sessions, tests, result),
         covariance=store.archive.seal(to_parquet(covariance_table(united.names, covariance))),
     )
-    return CalibrationResult(event, _keep(store, facts, event, name), result, tuple(tests))
+    _keep(store, facts, event)
+    return CalibrationResult(event, result, tuple(tests))
 
 
 def profiles(result: CalibrationResult, names: Sequence[str]) -> list[dict[str, Any]]:
@@ -167,21 +167,17 @@ def _key(
     }
 
 
-def _keep(store: Store, facts: Facts, event: CalibrationCompleted, file: str) -> bool:
-    """Append what the ledger does not have. Returns whether it had the calibration."""
+def _keep(store: Store, facts: Facts, event: CalibrationCompleted) -> None:
+    """Append what the ledger does not have."""
     known = any(
         isinstance(one.event, CalibrationCompleted) and one.event.calibration == event.calibration
         for one in store.ledger.events()
     )
-    events: list[tuple[str, Event]] = []
-    if event.model not in facts.models:
-        published = ModelPublished(model=event.model, motor=event.motor, file=file, parent=event.parent)
-        events.append((f"motor-{event.motor}", published))
+    events: list[tuple[str, Event]] = [*published(facts, event.parent, event.model)]
     if not known:
         events.append((f"calibration-{event.calibration}", event))
     if events:
         store.ledger.append_all(events)
-    return known
 
 
 def _errors(sessions: Sequence[SessionRecorded], tests: Sequence[Test], result: Calibration) -> list[dict[str, Any]]:

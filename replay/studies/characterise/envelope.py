@@ -15,8 +15,7 @@ from ingest.catalogue.kinds import LOADED
 from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
-from replay.engine.files.configurations import refuse_other_rigs
-from replay.engine.files.motor_file import read_motor
+from replay.engine.files.configurations import refuse_other_rigs, whole_motor
 from replay.engine.frame.frame import InputFrame, column_name
 from replay.engine.frame.frame_of import session_frame
 from replay.engine.frame.observations import Observation
@@ -27,7 +26,6 @@ from replay.studies.sessions.fitting import fitting
 from replay.studies.sessions.recorded import test_of
 from twin.calibration.calibrate import freedom
 from twin.calibration.point_choice import information, prior
-from twin.motor.configured import configured
 from twin.motor.features import evaluate, monomials, quantity, scale
 from twin.motor.network import Network
 from twin.run.envelope import Border, Motor, border, temperatures
@@ -95,7 +93,7 @@ def envelope(
     """
     refuse_other_rigs(sessions)
     model = model or common_model(facts, sessions)
-    network = configured(read_motor(store.archive.read(model), facts.models[model].file), None)
+    network = whole_motor(store, facts, model)
     limits = np.array([math.nan if n.limit_degC is None else n.limit_degC for n in network.nodes])
     if np.isnan(limits).all():
         raise ReplayDataError(

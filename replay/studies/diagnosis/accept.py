@@ -29,7 +29,7 @@ class Acceptance:
     elsewhere: Mapping[str, str]
 
 
-def find_diagnosis(facts: Facts, text: str) -> DiagnosisCompleted:
+def find_diagnosis(store: Store, facts: Facts, text: str) -> Diagnosis:
     """A diagnosis by id or unique beginning of an id, with or without `d-` before it.
 
     Raises ReplayDataError with what there is.
@@ -37,7 +37,7 @@ def find_diagnosis(facts: Facts, text: str) -> DiagnosisCompleted:
     wanted = text.lower().removeprefix("d-")
     found = [one for one in facts.diagnoses if wanted and one.startswith(wanted)]
     if len(found) == 1:
-        return facts.diagnoses[found[0]]
+        return sealed_diagnosis(store, facts.diagnoses[found[0]])
     back = [one.line for stream, one in facts.retractions.items() if stream.startswith(f"diagnosis-{wanted}")]
     if wanted and back and not found:
         raise ReplayDataError(back[0])
@@ -49,6 +49,11 @@ def find_diagnosis(facts: Facts, text: str) -> DiagnosisCompleted:
     )
 
 
+def sealed_diagnosis(store: Store, event: DiagnosisCompleted) -> Diagnosis:
+    """The answer that a diagnosis was sealed with."""
+    return read(json.loads(store.archive.read(event.artefact)))
+
+
 def accept(store: Store, text: str, steps: int | None = None) -> Acceptance:
     """Make the extended model and bench files of a diagnosis the current ones, or those of its first so many `steps`;
     needs a store that may be written.
@@ -56,10 +61,9 @@ def accept(store: Store, text: str, steps: int | None = None) -> Acceptance:
     Raises ReplayDataError where there is no such diagnosis or step, or it has nothing to accept.
     """
     facts = ledger_facts.at(store.ledger)
-    completed = find_diagnosis(facts, text)
-    found = read(json.loads(store.archive.read(completed.artefact)))
+    found = find_diagnosis(store, facts, text)
     _refuse_gone(facts, found)
-    event, *further = would_accept(store, completed.diagnosis, found, steps)
+    event, *further = would_accept(store, found, steps)
     replaced = [(event.parent, event.model), *((one.parent_bench, one.bench) for one in (event, *further))]
     known = all(facts.successors.get(parent) == child for parent, child in replaced if parent and child)
     if not known:
@@ -68,14 +72,14 @@ def accept(store: Store, text: str, steps: int | None = None) -> Acceptance:
     return Acceptance(event, further, known, _elsewhere(facts, found, event.model) if event.model else {})
 
 
-def would_accept(store: Store, diagnosis: str, found: Diagnosis, steps: int | None = None) -> list[CauseAccepted]:
+def would_accept(store: Store, found: Diagnosis, steps: int | None = None) -> list[CauseAccepted]:
     """What accepting says: of the motor file with the first bench file, then of each further bench file. Raises
     ReplayDataError where there is nothing to accept."""
     benches: Mapping[str, str]
     if steps is None:
-        event, benches = _event(store, diagnosis, found), found.extended_benches
+        event, benches = _event(store, found), found.extended_benches
     else:
-        event, benches = _first(diagnosis, found, steps)
+        event, benches = _first(found, steps)
     others = {old: new for old, new in benches.items() if new != event.bench}
     return [event, *(replace(event, parent=None, model=None, parent_bench=a, bench=b) for a, b in others.items())]
 
@@ -90,17 +94,19 @@ def _refuse_gone(facts: Facts, found: Diagnosis) -> None:
             raise ReplayDataError(f"diagnosis {name}: {error}; `whyhot stale --redo` asks without it") from None
 
 
-def _first(diagnosis: str, found: Diagnosis, steps: int) -> tuple[CauseAccepted, Mapping[str, str]]:
+def _first(found: Diagnosis, steps: int) -> tuple[CauseAccepted, Mapping[str, str]]:
     """What accepting the first steps of the chain says, and its bench files."""
     terms = [step for step in found.chain if step.step > 0]
     there = {step.step: step for step in terms if step.model or step.bench}
     if steps not in there:
         known = ", ".join(map(str, there)) or "none"
-        raise ReplayDataError(f"diagnosis d-{handle(diagnosis)}: no files of {steps} steps; steps with files: {known}.")
+        raise ReplayDataError(
+            f"diagnosis d-{handle(found.diagnosis)}: no files of {steps} steps; steps with files: {known}."
+        )
     step, sayable = there[steps], found.said
     model = step.model if step.model != found.model else None
     event = CauseAccepted(
-        diagnosis=diagnosis,
+        diagnosis=found.diagnosis,
         causes=[one.id for one in terms[:steps] if one.id in sayable],
         parent=found.model if model else None,
         model=model,
@@ -110,15 +116,17 @@ def _first(diagnosis: str, found: Diagnosis, steps: int) -> tuple[CauseAccepted,
     return event, step.benches
 
 
-def _event(store: Store, diagnosis: str, found: Diagnosis) -> CauseAccepted:
+def _event(store: Store, found: Diagnosis) -> CauseAccepted:
     """What accepting this diagnosis says."""
     if not found.offers:
-        raise ReplayDataError(f"diagnosis d-{handle(diagnosis)}: there is nothing to accept: {_why_nothing(found)}.")
-    recorded = [one.event for one in store.ledger.events(ModelExtended, stream=f"diagnosis-{diagnosis}")]
+        raise ReplayDataError(
+            f"diagnosis d-{handle(found.diagnosis)}: there is nothing to accept: {_why_nothing(found)}."
+        )
+    recorded = [one.event for one in store.ledger.events(ModelExtended, stream=f"diagnosis-{found.diagnosis}")]
     extended = (event for event in recorded if isinstance(event, ModelExtended))
     benches = [event.parent_bench for event in extended if event.bench == found.extended_bench]
     return CauseAccepted(
-        diagnosis=diagnosis,
+        diagnosis=found.diagnosis,
         causes=found.said,
         parent=found.model if found.extended_model else None,
         model=found.extended_model,

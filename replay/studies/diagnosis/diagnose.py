@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from ingest.facts.events import (
@@ -21,12 +21,14 @@ from ingest.facts.events import (
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from ingest.texts.names import handle
-from replay.engine.files.bench_versions import MADE, with_bench_of
+from replay.engine.files.benches import MADE, with_bench_of
+from replay.engine.files.models import published
 from replay.engine.runs.identity import run_id
 from replay.engine.runs.sources import code_of
 from replay.errors import ReplayDataError
 from replay.studies.characterise.calibrate import common_model
-from replay.studies.diagnosis.answer import Diagnosis, calibration_is_worse, document, read
+from replay.studies.diagnosis.accept import sealed_diagnosis
+from replay.studies.diagnosis.answer import Diagnosis, calibration_is_worse, document
 from replay.studies.diagnosis.answer_parts import judged_by, named, rivals, shown, suspected_test, unknown_heat
 from replay.studies.diagnosis.as_recorded import measured_as_recorded, said_wrong
 from replay.studies.diagnosis.beyond_usual import beyond_usual
@@ -44,16 +46,6 @@ from replay.studies.sessions.fitting import fitting
 from twin.diagnosis.refined import Tell
 from twin.diagnosis.rounds import EVIDENT
 from twin.diagnosis.swaps import misread, scan
-from twin.differences.everyday import everyday
-from twin.fitting.model import Model
-
-
-@dataclass(frozen=True)
-class Result:
-    """The answer, and whether the ledger had it already."""
-
-    diagnosis: Diagnosis
-    known: bool
 
 
 def diagnose(
@@ -64,7 +56,7 @@ def diagnose(
     model: str | None,
     level: str,
     tell: Tell = lambda _: None,
-) -> Result:
+) -> Diagnosis:
     """Name what the model gets wrong on `train`, and measure on `kept` what the extended model gains.
 
     The same question again reads the sealed answer. Raises ReplayDataError where sessions are too few, too short, of
@@ -76,18 +68,17 @@ def diagnose(
     key = key_of(question, code_of(__name__))
     identity = run_id(key)
     if identity in facts.diagnoses:
-        return Result(read(json.loads(store.archive.read(facts.diagnoses[identity].artefact))), True)
+        return sealed_diagnosis(store, facts.diagnoses[identity])
     with fitting(f"diagnosis with model {handle(question.model)}"):
         answer = _answered(question, identity, tell)
     _keep(question, answer, key)
-    return Result(answer, False)
+    return answer
 
 
 def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
     tell("reading the sessions")
     campaign = campaign_of(question)
-    network = campaign.network
-    model = Model(network, campaign.tests, everyday(network, campaign.tests))
+    model = campaign.healthy
     wrong = shown(model, question.train)
     tell("looking for exchanged and misread channels")
     if lines := misread(model):
@@ -119,7 +110,7 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
     apart = two_models(question, found, tests)
     return Diagnosis(
         diagnosis=identity,
-        motor=network.name,
+        motor=campaign.network.name,
         level=question.level,
         model=question.model,
         train=[s.session for s in question.train],
@@ -170,10 +161,7 @@ def _keep(question: Question, answer: Diagnosis, key: dict[str, Any]) -> None:
     terms = [step for step in answer.chain if step.step > 0]  # the files before these are offered as recalibrated
     offers = [answer.recalibrated_model, answer.extended_model, *(step.model for step in terms)]
     for model in dict.fromkeys(m for m in offers if m):
-        if model not in facts.models:
-            file = facts.models[question.model].file
-            published = ModelPublished(model=model, motor=answer.motor, file=file, parent=question.model)
-            facts_of.append((f"motor-{answer.motor}", published))
+        facts_of += published(facts, question.model, model)
     stepwise = [pair for step in terms for pair in step.benches.items()]
     for old, new in dict.fromkeys([*answer.recalibrated_benches.items(), *answer.extended_benches.items(), *stepwise]):
         if new not in facts.benches:

@@ -10,14 +10,13 @@ from ingest.catalogue.channels import ChannelData, load
 from ingest.facts.events import BenchRegistered, SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
-from replay.engine.files.configurations import refuse_other_rigs
-from replay.engine.files.motor_file import read_motor
+from replay.engine.files.configurations import refuse_other_rigs, whole_motor
 from replay.engine.frame.observations import sensor_of
 from replay.errors import ReplayDataError
 from replay.studies.sessions.recorded import STEP_S, test_of
 from twin.differences.candidates import Candidate, InputChannel, added_monomials, generate
-from twin.fitting.model import Test
-from twin.motor.configured import configured
+from twin.differences.everyday import everyday
+from twin.fitting.model import Model, Test
 from twin.motor.features import Monomial
 from twin.motor.network import Network
 from twin.motor.sensor import Sensor
@@ -102,11 +101,15 @@ class Campaign:
     loaded: Sequence[Sequence[ChannelData]]
     beyond: tuple[Sensor, ...] = ()
 
+    @property
+    def healthy(self) -> Model:
+        """As a diagnosis begins: everything that a healthy motor may do, and no cause."""
+        return Model(self.network, self.tests, everyday(self.network, self.tests))
+
 
 def campaign_of(question: Question) -> Campaign:
     """The training sessions, read. Raises ReplayDataError where one lacks what the model needs."""
-    motor = read_motor(question.store.archive.read(question.model), question.facts.models[question.model].file)
-    network = configured(motor, None)
+    network = whole_motor(question.store, question.facts, question.model)
     loaded = [load(question.store, question.facts, session) for session in question.train]
     asked = without_tests(network, loaded, question.level, [session.name for session in question.train])
     tests = tuple(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -17,7 +16,7 @@ from replay.engine.results.run import Observed, Run
 from replay.engine.results.sealed import load_run
 from replay.engine.runs.campaign import replay_sessions
 from replay.studies.diagnosis.accept import find_diagnosis, would_accept
-from replay.studies.diagnosis.answer import Diagnosis, read
+from replay.studies.diagnosis.answer import Diagnosis
 from replay.studies.diagnosis.formulas import text_diff
 
 Tell = Callable[[str], None]
@@ -90,7 +89,7 @@ def review(store: Store, text: str, tell: Tell) -> Review:
     """The change that a diagnosis made or offers; its sessions are replayed with both motor files, where the ledger
     does not have these runs. Raises ReplayDataError where it changes no file."""
     facts = at(store.ledger)
-    found = read(json.loads(store.archive.read(find_diagnosis(facts, text).artefact)))
+    found = find_diagnosis(store, facts, text)
     events, accepted = _events(store, found)
     pairs = [("motor file", one.parent, one.model) for one in events]
     pairs += [("bench file", one.parent_bench, one.bench) for one in events]
@@ -117,7 +116,7 @@ def _events(store: Store, found: Diagnosis) -> tuple[list[CauseAccepted], Record
     recorded = store.ledger.events(CauseAccepted, stream=f"diagnosis-{found.diagnosis}")
     events = [one.event for one in recorded if isinstance(one.event, CauseAccepted)]
     if not events:
-        return would_accept(store, found.diagnosis, found), None
+        return would_accept(store, found), None
     return [one for one in events if one.causes == events[-1].causes], recorded[-1]
 
 

@@ -26,7 +26,6 @@ from replay.engine.frame.frame import column_name
 from replay.errors import ReplayDataError
 from replay.studies.diagnosis.question import LEAST_S, Campaign, without_tests
 from replay.studies.sessions.recorded import STEP_S, test_of_channels, with_meters
-from twin.differences.everyday import everyday
 from twin.errors import DivergedError, PlanError
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
 from twin.fitting.model import Floats, Model, Test
@@ -93,7 +92,7 @@ def listed_campaign(listed: Listed, level: str) -> Campaign:
 
 def unfitted(campaign: Campaign) -> Fit:
     """The healthy motor as its file has it: nothing was measured."""
-    model = supposing(Model(campaign.network, campaign.tests, everyday(campaign.network, campaign.tests)))
+    model = supposing(campaign.healthy)
     return fit(model, np.zeros(len(model.parameters)), NEAR_ENOUGH, linearisations=1)
 
 

@@ -10,13 +10,12 @@ from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from ingest.texts.names import handle
-from replay.engine.files.bench_versions import with_bench_of
+from replay.engine.files.benches import with_bench_of
 from replay.studies.characterise.calibrate import common_model
-from replay.studies.diagnosis.healthy_fit import healthy_fit
 from replay.studies.diagnosis.question import Campaign, Question, campaign_of, check
 from replay.studies.planning.listed import Listed, listed_campaign, unfitted
 from replay.studies.sessions.fitting import fitting
-from twin.diagnosis.refined import Tell
+from twin.diagnosis.refined import Tell, calibrated
 from twin.fitting.fit import Fit
 from twin.motor.network import Network
 from twin.planning.chain import Day, plan_day
@@ -60,7 +59,7 @@ def plan(
         tell("reading the sessions")
         campaign = campaign_of(Question(store, with_bench_of(facts, model), sessions, [], model, level))
         tell("fitting everything healthy")
-        mode = healthy_fit(campaign, tell)
+        mode = calibrated(campaign.healthy, campaign.candidates, tell)
         return _planned(campaign, mode, model, sessions, (), hours, only, tell)
 
 

@@ -12,14 +12,13 @@ from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from ingest.texts.names import handle
 from ingest.texts.nearest import hint
-from replay.engine.files.bench_versions import with_bench_of
+from replay.engine.files.benches import with_bench_of
 from replay.engine.files.models import model_of
 from replay.errors import ReplayDataError
-from replay.studies.diagnosis.healthy_fit import healthy_fit
 from replay.studies.diagnosis.question import LEAST_S, Campaign, Question, campaign_of
 from replay.studies.sessions.fitting import fitting
 from twin.diagnosis.onset import Sets, from_each_on
-from twin.diagnosis.refined import Tell
+from twin.diagnosis.refined import Tell, calibrated
 from twin.fitting.fit import Fit
 
 NO_DRIVE = ("dc_check", "insulation_check", "ageing")  # kinds of session that do not run the whole motor
@@ -67,7 +66,7 @@ def fitted(
         campaign = campaign_of(Question(store, with_bench_of(facts, model), sessions, [], model, level))
         if channel is not None:
             _refuse_unknown(campaign, channel)
-        return Fitted(sessions, campaign, healthy_fit(campaign, tell))
+        return Fitted(sessions, campaign, calibrated(campaign.healthy, campaign.candidates, tell))
 
 
 def _refuse_unknown(campaign: Campaign, channel: str) -> None:

@@ -11,15 +11,21 @@ from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from ingest.morning.changes import Change, changes
+from ingest.texts.names import handle
+from replay.engine.files.benches import with_bench_of
+from replay.engine.files.configurations import whole_motor
 from replay.engine.files.models import model_of
 from replay.errors import ReplayDataError
+from replay.studies.sessions.fitting import fitting
+from replay.studies.sessions.recorded import test_of
 from replay.studies.since.acting import Acting, Fitted, Since, acting, driven, fitted
-from replay.studies.since.versions import MotorVersion, versions
 from twin.diagnosis.onset import Onsets, weighed
 from twin.diagnosis.refined import Tell
+from twin.fitting.model import Model
 from twin.fitting.noise import Series
 
 CAUSES = 5  # that are told
+MOST = 6  # versions of the motor file, the last ones
 
 
 @dataclass(frozen=True)
@@ -43,6 +49,15 @@ class Residual:
     published_K: float | None
     fitted_K: float | None
     probability: float
+
+
+@dataclass(frozen=True)
+class MotorVersion:
+    """A version of the motor file, and the mean error of the channel over all sessions with it [K], nothing fitted;
+    None where it cannot run them."""
+
+    model: str
+    mae_K: float | None
 
 
 @dataclass(frozen=True)
@@ -117,7 +132,7 @@ def bisect(
         before=before,
         first=sessions[first] if before else None,
         changed=tuple(changes(store, facts, before, sessions[first])) if before else (),
-        versions=versions(store, facts, sessions, model, level, channel),
+        versions=_versions(store, facts, sessions, model, level, channel),
     )
 
 
@@ -144,3 +159,28 @@ def _causes(when: Acting, told: Onsets) -> Iterator[Began]:
             amplitude=float(told.amplitude[h, c]),
             sd=float(told.sd[h, c]),
         )
+
+
+def _versions(
+    store: Store, facts: Facts, sessions: Sequence[SessionRecorded], model: str, level: str, channel: str
+) -> tuple[MotorVersion, ...]:
+    """The motor file and those that it was made from, the first one first."""
+    line = [model]
+    while (parent := facts.models[line[-1]].parent) and parent in facts.models and parent not in line:
+        line.append(parent)
+    return tuple(MotorVersion(one, _mae(store, facts, sessions, one, level, channel)) for one in reversed(line[:MOST]))
+
+
+def _mae(
+    store: Store, facts: Facts, sessions: Sequence[SessionRecorded], model: str, level: str, channel: str
+) -> float | None:
+    network = whole_motor(store, facts, model)
+    try:
+        with fitting(f"model {handle(model)}"):
+            then = with_bench_of(facts, model)
+            tests = [test_of(store, then, one, network, (), level) for one in sessions]
+            series = Model(network, tests, ()).residuals(np.zeros(0))
+    except ReplayDataError:
+        return None
+    errors = [np.abs(one.y) for one in series if one.channel == channel]
+    return float(np.concatenate(errors).mean()) if errors else None

@@ -170,8 +170,8 @@ def test_rows_that_were_committed_when_the_connection_broke_are_not_stored_twice
     with Store.open(folder, write=True) as store:
         last = store.ledger.events()[-1]
         after = store.ledger.events()[-1].recorded.replace("20", "30", 1)
-        row, _ = encode(raw("c"), "file-c", None, after, None, None)
-        other, _ = encode(raw("d"), "file-d", None, after, None, None)
+        row, _ = encode(raw("c"), "file-c", None, after, None)
+        other, _ = encode(raw("d"), "file-d", None, after, None)
         assert store.ledger.place.insert([row], last.position) == [6]
         assert store.ledger.place.insert([row], last.position) == [6]
         assert store.ledger.place.insert([other], last.position) is None
@@ -205,7 +205,7 @@ def test_times_rise_with_the_position_whatever_the_clocks_of_the_writers_say(
 ) -> None:
     with Store.open(folder, write=True) as store:
         after = "2099-01-01T00:00:00.000000Z"
-        row, _ = encode(raw("c"), "file-c", None, after, None, None)
+        row, _ = encode(raw("c"), "file-c", None, after, None)
         store.ledger.place.insert([row], 5)
         assert store.ledger.append("file-d", raw("d")).recorded == "2099-01-01T00:00:00.000001Z"
     assert audited(folder) == []

@@ -69,13 +69,13 @@ def test_the_account_of_a_run_closes_to_rounding_and_its_parts_are_the_whole(pla
     frame = _frame(network, 3)
     temperatures = simulate(compile_network(network, load=plain), frame, np.array([45.0, 42.0, 41.0, 35.0]))
     found = account(network, frame, temperatures, heat_flows(network, frame, temperatures))
-    assert abs(found.left) < 1e-10 * found.made
-    assert found.duration_s == STEPS * 0.5
+    assert abs(found.left_J) < 1e-10 * found.energy_J
+    assert found.energy_J == found.mean_W * STEPS * 0.5
     for parts in (found.kinds, found.regions, found.nodes):
-        assert sum(parts.values()) == pytest.approx(found.made, rel=1e-12)
+        assert sum(part.energy_J for part in parts.values()) == pytest.approx(found.energy_J, rel=1e-12)
     assert set(found.boundaries) == {"coolant", "ambient"}
     assert list(found.kinds) == ["copper_dc", "copper_ac", "iron", "magnet"]
-    assert found.stored["copper"] == pytest.approx(900.0 * (temperatures[-1, 0] - temperatures[0, 0]))
+    assert found.stored["copper"].energy_J == pytest.approx(900.0 * (temperatures[-1, 0] - temperatures[0, 0]))
 
 
 def test_the_heat_of_a_step_is_that_of_its_mean_temperature_where_it_hardly_moves(plain: Load) -> None:

@@ -11,8 +11,13 @@ from numpy.typing import NDArray
 from made.channels import channel
 from made.runs import made_summary
 from replay.engine.results.as_json import to_json
-from replay.engine.results.as_read import with_errors_as_recorded
-from replay.engine.results.residuals import channel_errors, largest_by_node, mean_by_node, where
+from replay.engine.results.residuals import (
+    channel_errors,
+    largest_by_node,
+    mean_by_node,
+    where,
+    with_errors_as_recorded,
+)
 from replay.engine.results.run import Observed
 from replay.show.words.findings import answer, mean_error
 

@@ -15,6 +15,7 @@ from made import can_bench
 from made.places import ROOT
 from replay.cli import main
 from replay.engine.runs import sources
+from replay.studies.diagnosis.answer import Diagnosis
 from replay.studies.diagnosis.diagnose import diagnose
 
 DOORS = (
@@ -122,13 +123,13 @@ def test_a_diagnosis_is_read_back_until_code_changes_that_computes_it(
     with Store.open(tmp_path / "store") as store:
         facts = ledger_facts.at(store.ledger)
 
-        def asked() -> bool:
-            return diagnose(store, facts, [facts.session("1_drive")], [], None, "testing").known
+        def asked() -> Diagnosis:
+            return diagnose(store, facts, [facts.session("1_drive")], [], None, "testing")
 
-        assert asked()
+        found = asked()
         touch("twin/paper/ekf.py")
         touch("replay/studies/ageing/lives.py")
-        assert asked()
+        assert asked() == found
         touch("twin/compiled/codegen.py")
         with pytest.raises(SearchedError):
             asked()

@@ -10,19 +10,12 @@ import pytest
 from ingest.bench.derating import DeratingRule
 from made.runs import made_summary
 from replay.engine.results.hot_spots import deratings, hot_spots, limits
-from replay.engine.results.summary import (
-    Efficiency,
-    HeatBalance,
-    HeatPart,
-    HotSpot,
-    LimitPassed,
-    ModelledSpot,
-    StoredHeat,
-)
+from replay.engine.results.summary import Efficiency, HotSpot, LimitPassed, ModelledSpot
 from replay.engine.specimen.aged import Aged
 from replay.show.plots.heat_plots import parts_of
 from replay.show.words import heat_words
 from twin.motor.network import Network, Node
+from twin.run.losses import HeatBalance, HeatPart, StoredHeat
 
 
 def part(mean_W: float) -> HeatPart:

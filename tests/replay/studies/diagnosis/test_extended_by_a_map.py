@@ -58,7 +58,7 @@ def answer(store: Path) -> Diagnosis:
     with Store.open(store, write=True) as opened:
         known = facts.at(opened.ledger)
         train, kept = [known.session(name) for name in LEARN], [known.session(KEEP)]
-        return diagnose(opened, known, train, kept, None, "testing").diagnosis
+        return diagnose(opened, known, train, kept, None, "testing")
 
 
 def test_it_has_no_name_and_no_law_stands_in_for_it(answer: Diagnosis) -> None:
