@@ -114,7 +114,7 @@ def test_a_lost_cause_is_told_by_the_last_step_that_it_came_to(mode: Fit, first:
         found = Found(replace(naming, **more), refused, [], [], None, mode)  # type: ignore[arg-type]
         return lost.lost_at(found, cause, CANDIDATES)
 
-    strong = Refit(candidate, parameter, mode, 20.0, parameter.sd, 1.0, EvidenceSplit(20.0, np.zeros(0), 0.0))
+    strong = Refit(candidate, parameter, mode, 20.0, parameter.sd, 1.0, EvidenceSplit(20.0, np.zeros(0), 0.0), 9.0)
     bound = replace(parameter, low=-1.0)
     empty = replace(strong, parameter=bound, amplitude=-1.0)
     assert step(cause="loss.magnet.speed9") == lost.NOT_PROPOSED

@@ -13,7 +13,7 @@ EXCHANGE = "no exchange"  # the scan for exchanged channels did not find it
 UNKNOWN = "unknown instead"  # a heat of any course beat every candidate before any refit
 SCREENED = "linear score"  # too low to be refitted, though nothing else was named before
 RAN_AWAY = "ran away"  # the model diverges with it
-IMPOSSIBLE = "impossible"  # refitted above the threshold, but it takes away more than there is
+IMPOSSIBLE = "impossible"  # refitted above the threshold, but it takes away more than there is, or moves hardly anything
 WEAK = "after refit"  # refitted, and not above the threshold or what chance gives
 OTHER_FIRST = "other first"  # above the threshold, but another came first and left too little of it
 LEFT_OUT = "left out"  # entered, and went when each was left out once
@@ -52,7 +52,7 @@ def _in_the_search(naming: Naming, candidate: Candidate) -> str:
     refits = [refit for found in naming.rounds for refit in found.refits if refit.candidate == candidate]
     strong = [refit for refit in refits if refit.log_bayes_factor > naming.threshold]
     if strong:
-        return OTHER_FIRST if any(refit.possible for refit in strong) else IMPOSSIBLE
+        return OTHER_FIRST if any(refit.nameable for refit in strong) else IMPOSSIBLE
     if any(str(candidate.cause) in found.dropped for found in naming.rounds):
         return RAN_AWAY
     if _linear(naming, candidate) > naming.threshold and _was_beaten(naming, refits):

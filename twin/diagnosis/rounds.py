@@ -5,6 +5,7 @@ Evidence judges, or where the file's form is wrong sessions left out do (`twin.d
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -33,6 +34,7 @@ REFITTED, WORTH_REFITTING = 5, 4.0  # how many candidates of a round are refitte
 ASKED_ABOUT = 8  # candidates that are refitted in place of these where sessions left out judge
 FAR_BEHIND = 10.0  # behind the leading one in linear ln BF: not refitted
 FIRST_LINEARISATIONS, REFIT_LINEARISATIONS = 4, 15  # of every refit, and of those that may still come near the best
+LEAST_MOVED = 2.0  # sd of what a lumped model is off by anyway: what moves every reading by less is of the file's form
 OUT_OF_REACH = 6.0  # a search stops that promises to stay so far behind the best: twice what tells two apart
 
 
@@ -45,7 +47,8 @@ def is_possible(parameter: Parameter, amplitude: float) -> bool:
 @dataclass(frozen=True)
 class Refit:
     """A candidate after a full fit: ln BF against the model without it by Laplace and where that comes from, amplitude
-    and its sd. `left_out`: what it says of sessions left out, where these judge and evidence would let it in."""
+    and its sd; how far it moves a reading at most (`moved`), in sd of the slow discrepancy that a lumped model has there
+    anyway. `left_out`: what it says of sessions left out, where these judge and evidence would let it in."""
 
     candidate: Candidate
     parameter: Parameter
@@ -54,12 +57,19 @@ class Refit:
     amplitude: float
     sd: float
     evidence: EvidenceSplit
+    moved: float
     left_out: LeftOut | None = None
 
     @property
     def possible(self) -> bool:
         """Whether such a cause can have the amplitude that the data want."""
         return is_possible(self.parameter, self.amplitude)
+
+    @property
+    def nameable(self) -> bool:
+        """Whether it can be a cause: it is possible, and more than the file's own form may do. Fast readings know
+        tenths of a kelvin at each step of an input well, which no lump gets right."""
+        return self.possible and self.moved > LEAST_MOVED
 
     @property
     def ended(self) -> bool:
@@ -112,12 +122,12 @@ class Round:
 
     @property
     def best(self) -> Refit | None:
-        """The best of the refits that are possible: by evidence, or of those that hold by sessions left out the one
+        """The best of the refits that can be named: by evidence, or of those that hold by sessions left out the one
         with which these are nearest."""
-        possible = [r for r in self.refits if r.possible]
+        nameable = [r for r in self.refits if r.nameable]
         if self.left_out is None:
-            return max(possible, key=lambda r: r.log_bayes_factor, default=None)
-        return min(filter(self.holds, possible), key=lambda r: r.left_out_K, default=None)
+            return max(nameable, key=lambda r: r.log_bayes_factor, default=None)
+        return min(filter(self.holds, nameable), key=lambda r: r.left_out_K, default=None)
 
     def gained(self, refit: Refit) -> Floats:
         """(s,) by how much ln density each session left out gains by a refit that evidence would let in."""
@@ -216,7 +226,7 @@ def with_refits(found: Round, tell: Tell, other_start: Floats | None = None, jud
         first = list(pool.map(begun, range(1, len(leading) + 1), leading))
         refits = [r for r in first if r is not None]
         while True:
-            best = max((r.promised for r in refits if r.possible), default=0.0)
+            best = max((r.promised for r in refits if r.nameable), default=0.0)
             further = [not r.ended and r.promised > best - OUT_OF_REACH for r in refits]
             if not any(further):
                 break
@@ -306,4 +316,21 @@ def compared(found: Fit, without: Fit, candidate: Candidate, parameter: Paramete
     gain = found.log_evidence - without.log_evidence - without.to_gain
     if parameter.low == 0.0 or parameter.high == 0.0:
         gain += float(np.log(2) + log_ndtr(abs(amplitude) / sd))
-    return Refit(candidate, parameter, found, gain, amplitude, sd, split(gain, found, without, place))
+    moved = _moved(found, place)
+    return Refit(candidate, parameter, found, gain, amplitude, sd, split(gain, found, without, place), moved)
+
+
+def _moved(found: Fit, place: int) -> float:
+    """How far a term moves a measured reading at most, in sd of its channel's slow discrepancy; without bound where the
+    motor runs away without the term."""
+    beta = found.beta.copy()
+    beta[place] = 0.0
+    try:
+        without = found.model.residuals(beta)
+    except DivergedError:
+        return math.inf
+    return max(
+        float(np.abs(one.y - other.y).max()) / found.model.noise_of(one.channel).ou_sd
+        for one, other in zip(found.series, without, strict=True)
+        if one.measured and one.y.size
+    )

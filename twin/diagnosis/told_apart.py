@@ -59,7 +59,7 @@ def _refitted(found: Round) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     for refit in found.refits:
         i = found.candidates.index(refit.candidate)
         log_bf[i], amplitude[i], refitted[i] = refit.log_bayes_factor, refit.amplitude, True
-        if not refit.possible:
+        if not refit.nameable:
             log_bf[i] = min(0.0, refit.log_bayes_factor)  # it fits, and is not what its name says
     return log_bf, amplitude, refitted
 
@@ -69,7 +69,7 @@ def _as_near(found: Round, leader: int) -> tuple[tuple[int, ...], Floats]:
     standard error of the difference over the sessions, the leader first; and what each is worth (m,): what sessions
     left out ask for it, no more than its ln BF and than the leader's, and nothing for all others."""
     worth = np.zeros(len(found.candidates))
-    holding = {found.candidates.index(r.candidate): r for r in found.refits if r.possible and found.holds(r)}
+    holding = {found.candidates.index(r.candidate): r for r in found.refits if r.nameable and found.holds(r)}
     ahead = holding.pop(leader)
     assert ahead.left_out is not None, "it was let in"
     worth[leader] = min(float(found.gained(ahead).sum()), ahead.log_bayes_factor)

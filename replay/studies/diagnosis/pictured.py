@@ -76,7 +76,7 @@ def _models(found: Found, leader: Refit) -> dict[str, Fit]:
     by name."""
     named = {str(refit.candidate.cause) for refit in found.naming.accepted}
     models = {RECALIBRATED: found.base} | ({str(leader.candidate.cause): found.naming.final} if named else {})
-    rivals = [one for one in _beside(found, leader) if one.ended and one.possible and one.candidate.sayable]
+    rivals = [one for one in _beside(found, leader) if one.ended and one.nameable and one.candidate.sayable]
     fits = {str(one.candidate.cause): one.fit for one in ([] if named else [leader]) + rivals}
     best = [name for name in fits if name not in named][:RIVALS]
     return models | {name: fits[name] for name in sorted(best)}  # as they come back from JSON, and are drawn

@@ -29,6 +29,7 @@ from twin.errors import DivergedError
 from twin.fitting.actions import HeatTent, Parameter
 from twin.fitting.fit import Fit, fit
 from twin.fitting.model import Model, Test
+from twin.fitting.recorded import RecordedChannel
 from twin.motor import sensor_laws
 from twin.motor.network import Network, Source, Term
 from twin.motor.sensor import Sensor
@@ -98,6 +99,22 @@ def test_a_hidden_loss_is_named(hidden: list[Naming]) -> None:
     for found in hidden:
         assert [str(one.candidate.cause) for one in found.accepted] == [HIDDEN]
         assert found.accepted[0].log_bayes_factor > 20
+
+
+def test_what_moves_a_reading_by_less_than_lumps_are_off_by_has_no_name() -> None:
+    """A sixth of a kelvin at each step of the current stand out of quiet readings, and no lump is so good."""
+    model = _model(every_law(), 2)
+    tests = [replace(test, channels=tuple(_with_current(one, test) for one in test.channels)) for test in model.tests]
+    found = search(Model(model.network, tests, everyday(model.network, tests)), CANDIDATES)
+    leading = max(found.rounds[0].refits, key=lambda refit: refit.log_bayes_factor)
+    assert str(leading.candidate.cause) == "sensor.yoke.current" and leading.log_bayes_factor > rounds.THRESHOLD
+    assert 0.5 < leading.moved < rounds.LEAST_MOVED and not leading.nameable
+    assert found.accepted == ()
+
+
+def _with_current(channel: RecordedChannel, test: Test) -> RecordedChannel:
+    off = 0.15 * test.inputs["current"] if channel.name == "Y_1" else 0.0
+    return replace(channel, measured=channel.measured - off)
 
 
 def test_its_size_is_told(hidden: list[Naming]) -> None:

@@ -56,7 +56,7 @@ def _round(
     candidates = tuple(map(_candidate, CAUSES))
     nothing = cast(Any, None)
     one = Parameter("one", InputGain("current"), sd=1.0)
-    found = tuple(Refit(candidates[i], one, nothing, bf, a, 0.1, nothing) for i, (bf, a) in refits.items())
+    found = tuple(Refit(candidates[i], one, nothing, bf, a, 0.1, nothing, 9.0) for i, (bf, a) in refits.items())
     return Round(nothing, candidates, (one,) * 4, scores, 4.0 * rho, 4.0, found, ())
 
 

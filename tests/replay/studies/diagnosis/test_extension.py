@@ -53,7 +53,7 @@ def test_what_was_learnt_with_channels_exchanged_is_said_of_the_channel_that_rea
     ]
     model = Model(campaign.network, tests, [parameter for parameter, _ in numbers])
     fit = Fit(model, np.array([value for _, value in numbers]), 0.0, np.diag((10 / model.sd) ** 2), (), 0.0, True, 1)
-    named = Refit(lag, model.parameters[4], fit, 50.0, 9.0, 1.0, EvidenceSplit(50.0, np.zeros(0), 0.0))
+    named = Refit(lag, model.parameters[4], fit, 50.0, 9.0, 1.0, EvidenceSplit(50.0, np.zeros(0), 0.0), 9.0)
     made = version(question, campaign, fit, [named], [Swap(swap, 90.0)], "By a test.")
     assert made.motor == question.model  # nothing of the motor was learnt
     assert question.written == [made.motor, made.bench]
@@ -81,7 +81,7 @@ def test_a_correction_finds_its_sensor_whatever_that_was_learnt_to_follow(questi
     ]
     model = Model(campaign.network, campaign.tests, [parameter for parameter, _ in numbers])
     fit = Fit(model, np.array([value for _, value in numbers]), 0.0, np.diag((10 / model.sd) ** 2), (), 0.0, True, 1)
-    named = Refit(lag, model.parameters[2], fit, 50.0, 9.0, 1.0, EvidenceSplit(50.0, np.zeros(0), 0.0))
+    named = Refit(lag, model.parameters[2], fit, 50.0, 9.0, 1.0, EvidenceSplit(50.0, np.zeros(0), 0.0), 9.0)
     made = version(question, campaign, fit, [named], [], "By a test.")
     assert made.bench is not None
     bench = read_bench(question.store.archive.read(made.bench), "bench.toml")

@@ -22,7 +22,7 @@ def refit(gained: list[float], error_K: float, parameter: Parameter = HEAT) -> R
     """Above the threshold by evidence; the rest of it is not asked."""
     said = LeftOut(np.array(gained), {"T": np.full(4, error_K)})
     nothing = cast(Any, None)
-    return Refit(nothing, parameter, nothing, 20.0, 1.0, 0.1, nothing, said)
+    return Refit(nothing, parameter, nothing, 20.0, 1.0, 0.1, nothing, 9.0, said)
 
 
 LET_IN = refit([4.0, 4.0, 4.0, 4.0], 0.5)
