@@ -8,7 +8,6 @@ from pathlib import Path
 
 # what a file begins with -> what it is; and what to do, as the program that wrote it calls that
 NO_LOGS: Mapping[bytes, str] = {
-    rb"(?:[\t\r\n -~]\0){4}|(?:\0[\t\r\n -~]){4}": "text in UTF-16 without its mark. Save it in UTF-8",
     rb"%PDF": "a PDF document. Export the table that is in it as CSV",
     rb"\xd0\xcf\x11\xe0": (
         "an old Office file, or one with a password. Save it as XLSX without a password (Excel: File, Info, Protect "

@@ -1,6 +1,6 @@
 """CSV: tables of text, packed with gzip or not.
 
-Delimiter, decimal sign, encoding (UTF-8, UTF-16 with its mark, else cp1252), a row of units and the time are recognised
+Delimiter, decimal sign, encoding (UTF-8, UTF-16, else cp1252), a row of units and the time are recognised
 from the first 200 rows and stored in `settings`; so are lines that a logger wrote above the header. Dates such as
 5/6/2025 have their order from a day above 12 anywhere in the table. A line is a row: a quoted cell does not go on in
 the next, but for names in the header. Blank lines, comments (`#`) and the header again are no rows. `columns` are those

@@ -90,15 +90,21 @@ def test_encoding_is_recognised(tmp_path: Path, encoding: str, said: str) -> Non
 
 
 @pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be"])
+@pytest.mark.parametrize("mark", ["\ufeff", ""])
 @pytest.mark.parametrize("packed", [bytes, gzip.compress])
 @pytest.mark.parametrize("block", [1 << 20, 1001])  # of bytes: a character may be cut between two
-def test_utf_16_with_its_mark_is_read(
-    tmp_path: Path, encoding: str, packed: Callable[[bytes], bytes], block: int, monkeypatch: pytest.MonkeyPatch
+def test_utf_16_is_read_with_its_mark_and_without(
+    tmp_path: Path,
+    encoding: str,
+    mark: str,
+    packed: Callable[[bytes], bytes],
+    block: int,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("ingest.formats._text.BLOCK", block)
     path = tmp_path / "log.csv"
     rows = "".join(f"{k};{k},5\r\n" for k in range(500))
-    path.write_bytes(packed(f"\ufeffZeit;Öl [°C]\r\n{rows}".encode(encoding)))
+    path.write_bytes(packed(f"{mark}Zeit;Öl [°C]\r\n{rows}".encode(encoding)))
     log, t_ns, columns = read(path)
     assert t_ns == [k * S_NS for k in range(500)]
     assert (columns, log.units) == ({"Öl [°C]": [k + 0.5 for k in range(500)]}, {"Öl [°C]": "°C"})
@@ -111,11 +117,6 @@ def test_utf_16_that_ends_inside_a_character_keeps_its_whole_rows(tmp_path: Path
     log, t_ns, _ = read(path)
     assert (t_ns, len(log.rejected)) == ([0, S_NS], 1)
     assert log.cut and log.cut.startswith("ends inside line 4")
-
-
-def test_utf_16_without_its_mark_is_refused_with_what_to_do(tmp_path: Path) -> None:
-    with pytest.raises(UnreadableLogError, match=r"log\.csv: is text in UTF-16 without its mark\. Save it in UTF-8\."):
-        read(table(tmp_path, "t;T\n0;20\n", encoding="utf-16-le"))
 
 
 @pytest.mark.parametrize("line", ["\0\0\0", "1;2\0", "1;\x1b\u202e", "1;20;;;;" + "9" * 5000])
