@@ -126,6 +126,7 @@ class OfDay(Clock):
     than half a turn, which is a day, has begun the next one."""
 
     origin_ns: int = 0
+    called: ClassVar[str] = "time of day"
     turn_s: ClassVar[float] = DAY_S
     is_text: bool = field(default=True, init=False)
     _turns: int = field(default=0, init=False)
@@ -150,10 +151,20 @@ class OfDay(Clock):
 class OfHour(OfDay):
     """Minutes and seconds, all that is left of a time of day which a spreadsheet shows so and saves as shown."""
 
+    called = "minutes and seconds"
     turn_s = 3600.0
 
     def seconds(self, cell: str) -> float:
         return seconds_of_hour(cell)
+
+
+class OfMinutes(OfDay):
+    """Hours and minutes of a day, as recorders write that have a row a minute."""
+
+    called = "hours and minutes"
+
+    def seconds(self, cell: str) -> float:
+        return seconds_of_minutes(cell)
 
 
 OF_DAY = re.compile(
@@ -184,6 +195,14 @@ def seconds_of_hour(cell: str) -> float:
     """Seconds of `07:30.5`, minutes and seconds; NaN where it is none."""
     match = OF_HOUR.fullmatch(cell.strip())
     return int(match["minutes"]) * 60 + float(match["seconds"].replace(",", ".")) if match else float("nan")
+
+
+MINUTES = re.compile(r"\s*\d{1,2}:\d\d(?![:.,\d])", re.ASCII)
+
+
+def seconds_of_minutes(cell: str) -> float:
+    """Seconds of `14:02` and `02:02 PM`, hours and minutes; NaN where it is none."""
+    return seconds_of_day(MINUTES.sub(r"\g<0>:00", cell, count=1)) if MINUTES.match(cell) else float("nan")
 
 
 def carried(dates: Iterable[str], before: str = "") -> list[str]:

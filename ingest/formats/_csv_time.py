@@ -22,6 +22,7 @@ from ingest.formats._csv_clocks import (
     Counted,
     OfDay,
     OfHour,
+    OfMinutes,
     Rate,
     Serial,
     SerialOfTwo,
@@ -29,6 +30,7 @@ from ingest.formats._csv_clocks import (
     carried,
     seconds_of_day,
     seconds_of_hour,
+    seconds_of_minutes,
     wraps_of,
 )
 from ingest.formats._csv_dialect import Dialect, cells
@@ -80,6 +82,7 @@ TICKS = {  # of 100 ns, in words -> what they count from, and the ticks of 2000 
     "100 ns since the year 1 in UTC": (621_355_968_000_000_000, 6.3e17, 6.63e17),  # .NET
     "100 ns since 1601 in UTC": (116_444_736_000_000_000, 1.26e17, 1.575e17),  # Windows
 }
+WITHIN_DAY: Mapping[str, type[OfDay]] = {"%H:%M": OfMinutes, "%M:%S": OfHour}  # formats without a date
 LOOSE_NS = 2_000_000_000  # stamps of whole seconds and what counts beside them: apart by this at most
 NO_RECORD = np.empty(0, np.int64)  # stamps need none
 
@@ -101,7 +104,7 @@ def recognise_clock(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
 
 
 def _stated(time: TimeSpec, column: str, dialect: Dialect, log: str) -> Clock:
-    if time.format is not None:
+    if time.format is not None and time.format not in WITHIN_DAY:
         local = LocalClock(time.local)
         says = f"{time.format} in {time.zone}"
         return Stamped(says=says, absolute=True, columns=(column,), pattern=pattern_of(time.format, log), local=local)
@@ -116,6 +119,7 @@ def _stated(time: TimeSpec, column: str, dialect: Dialect, log: str) -> Clock:
     if clock is None:
         cell = next((cell for cell in _cells(dialect, column) if cell not in MISSING), "")
         example = "%d.%m.%Y" if re.match(DATE_ALONE, cell) else "%d.%m.%Y %H:%M:%S"
+        example = example if isnan(seconds_of_minutes(cell)) else "%H:%M"
         raise UnreadableLogError(
             f'{log}: column "{column}" holds "{cell[:60]}", which is no number and no stamp that is known. '
             f'Say format = "{example}", with signs and order as they are there, under [time] of the bench file.'
@@ -127,7 +131,7 @@ def _found(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
     parts = _of_parts(time, dialect)
     named = [name for name in dialect.names if is_time_name(name) and not (parts and name in parts.columns)]
     named = named or [name for name in dialect.names if is_x(name, dialect)]
-    if time.format is not None:
+    if time.format is not None and time.format not in WITHIN_DAY:
         pattern = pattern_of(time.format, log)
         fitting = (name for name in (*named, *dialect.names) if _fits(pattern, dialect, name))
         if column := next(fitting, None):
@@ -165,6 +169,8 @@ def _found(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
     instead = f"{way} Or under" if (way := way_out(dialect)) else "Under"
     days = next((name for name in dialect.names if _of_cells(time, _known(time, DAYS), (name,), dialect)), None)
     column = f'column = "{days}" (its days)' if days else 'column = "..." with format or unit'
+    if texts and _most(seconds_of_minutes, _cells(dialect, texts[0])):
+        column = 'format = "%H:%M" or format = "%M:%S"'
     raise UnreadableLogError(
         f"{log}: no column is recognised as its time{holds}. {instead} [time] of the bench file say rate_hz = 1.0 "
         f"(rows at a fixed rate), or {column}."
@@ -321,29 +327,33 @@ def _of_dates(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
 
 
 def _of_day(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
-    """The clock of a column of times of day, or of what is left of them within the hour, which nothing dates."""
+    """The clock of a column of times of day, with or without seconds, or of what is left of them within the hour, which
+    nothing dates."""
     said = [cell for cell in _cells(dialect, column) if cell not in MISSING]
-    if _most(seconds_of_day, said):
-        kind, says = OfDay, "time of day"
-    elif _most(seconds_of_hour, said) and _says_minutes(column, said):
-        kind, says = OfHour, "minutes and seconds"
-    else:
-        return None
+    kind = _kind_of_day(time.format, column, said)
     start = time.start_ns
-    return kind(says=says, absolute=start is not None, columns=(column,), origin_ns=start or 0)
+    return kind(says=kind.called, absolute=start is not None, columns=(column,), origin_ns=start or 0) if kind else None
+
+
+def _kind_of_day(form: str | None, column: str, said: Sequence[str]) -> type[OfDay] | None:
+    """What the cells of a column are of the day; None where they are none, or nothing tells: `02:07` is what `form`
+    says, or the column's name; minutes and seconds where it has parts of a second, or as no hour is so late; hours and
+    minutes by `PM`, or as what counts from a start begins below one."""
+    if _most(seconds_of_day, said):
+        return OfDay
+    if not _most(seconds_of_hour, said) and not _most(seconds_of_minutes, said):
+        return None
+    name = words(column)
+    if form in WITHIN_DAY or "ss" in name or "hh" in name:
+        return WITHIN_DAY.get(form or "") or (OfMinutes if "hh" in name else OfHour)
+    matches = [OF_HOUR.fullmatch(cell.strip()) for cell in said]
+    if any(match and (int(match["minutes"]) > 23 or not match["seconds"].isdecimal()) for match in matches):
+        return OfHour
+    return OfMinutes if None in matches or seconds_of_minutes(said[0]) >= OfHour.turn_s else None
 
 
 def _most(seconds: Callable[[str], float], said: Sequence[str]) -> bool:
     return 2 * sum(not isnan(seconds(cell)) for cell in said) > len(said)
-
-
-def _says_minutes(column: str, said: Sequence[str]) -> bool:
-    """Whether `02:07` is minutes and seconds: by the column's name, by parts of a second, or as no hour is so late."""
-    name = words(column)
-    if "ss" in name or "hh" in name:
-        return "hh" not in name
-    matches = filter(None, (OF_HOUR.fullmatch(cell.strip()) for cell in said))
-    return any(int(match["minutes"]) > 23 or not match["seconds"].isdecimal() for match in matches)
 
 
 def _of_parts(time: TimeSpec, dialect: Dialect) -> Clock | None:

@@ -121,6 +121,34 @@ def test_a_time_of_day_that_is_none_is_rejected(tmp_path: Path) -> None:
     assert (t_ns, len(log.rejected)) == ([s * S_NS for s in (43_199, 43_201, 43_202)], 2)
 
 
+@pytest.mark.parametrize(
+    ("name", "cells", "seconds"),
+    [
+        ("Time", "14:02 14:03 14:04", [50_520, 50_580, 50_640]),
+        ("Uhrzeit", "23:59 00:00 00:01", [86_340, 86_400, 86_460]),
+        ("Time [hh:mm]", "00:00 00:05 00:10", [0, 300, 600]),
+        ("Time [mm:ss]", "05:00 05:01 05:02", [300, 301, 302]),
+        ("Time", "12:59AM 1:00AM 1:01AM", [3540, 3600, 3660]),
+        ("Time", "00:00 00:01 24:00", [0, 1, 1440]),
+    ],
+)
+def test_hours_and_minutes_alone_are_told_from_minutes_and_seconds(
+    tmp_path: Path, name: str, cells: str, seconds: list[int]
+) -> None:
+    log, t_ns, _ = read(table(tmp_path, f"{name};T\n" + "".join(f"{cell};1\n" for cell in cells.split())))
+    assert (t_ns, log.absolute, len(log.rejected)) == ([s * S_NS for s in seconds], False, 0)
+
+
+@pytest.mark.parametrize(("form", "step_s"), [("%H:%M", 60), ("%M:%S", 1)])
+def test_what_may_be_both_is_asked_for_in_words_that_work(tmp_path: Path, form: str, step_s: int) -> None:
+    path = table(tmp_path, "Zeit;T\n00:00;1\n00:01;2\n00:02;3\n")
+    with pytest.raises(UnreadableLogError, match='"Zeit" holds "00:00", which is no whole stamp') as refusal:
+        read(path)
+    assert f'format = "{form}"' in str(refusal.value)
+    for spec in (TimeSpec(format=form), TimeSpec(format=form, column="Zeit")):
+        assert read(path, spec)[1] == [0, step_s * S_NS, 2 * step_s * S_NS]
+
+
 @pytest.mark.parametrize(("name", "unit_ns"), [("millis", 1_000_000), ("timestamp_us", 1000)])
 @pytest.mark.parametrize("rows", [4, 300])  # before the counter begins anew: within what is looked at first, and behind
 def test_a_counter_of_32_bits_that_begins_anew_goes_on(tmp_path: Path, name: str, unit_ns: int, rows: int) -> None:
@@ -231,8 +259,8 @@ def test_a_stamp_that_is_none_is_rejected(tmp_path: Path, cell: str) -> None:
         ),
         (TimeSpec(column="T"), 'column "T" holds "warm", which is no number and no stamp that is known. Say format ='),
         (
-            TimeSpec(column="Time", format="%H:%M"),
-            'format = "%H:%M" under [time] of the bench file holds no whole date.',
+            TimeSpec(column="Time", format="%d.%m. %H:%M"),
+            'format = "%d.%m. %H:%M" under [time] of the bench file holds no whole date.',
         ),
         (TimeSpec(column="Time", format="%Y-%W"), 'format = "%Y-%W" under [time] of the bench file holds %W, which is'),
     ],

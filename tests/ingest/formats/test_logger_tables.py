@@ -241,12 +241,6 @@ def test_a_table_of_a_logger_is_read_whole(one: Logged, tmp_path: Path) -> None:
     assert (log.found, list(log.rejected)) == (3, [])
 
 
-def test_hours_and_minutes_are_not_taken_for_minutes_and_seconds(tmp_path: Path) -> None:
-    (log := tmp_path / "log.csv").write_text("time,T\n08:58,20\n08:59,21\n09:00,22\n", encoding="utf-8")
-    with pytest.raises(UnreadableLogError, match='"time" holds "08:58", which is no whole stamp'):
-        read(log)
-
-
 def test_a_time_of_day_may_be_named_in_the_bench_file(tmp_path: Path) -> None:
     (path := tmp_path / "log.csv").write_text("a,b,T\n08:00:00,1,20\n08:00:01,2,21\n", encoding="utf-8")
     log, t_ns, _ = read(path, TimeSpec(column="a"))
