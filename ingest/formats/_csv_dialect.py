@@ -8,8 +8,8 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import _csv_numbers
@@ -28,13 +28,15 @@ UNIT_IN_NAME = re.compile(r"\[((?!0|[2-9]|1\d|OLE2)[^\[\]]*)\]\s*$")  # not the 
 ONE_CELL = re.compile(r'"(?:[^"]|"")*"\r?')  # a line in quotes
 STAMPED = re.compile(r"\d:\d\d|\d[-/.]\d+[-/.]\d")  # as no name of a column is, of the cells that may be stamps
 NAME_AND_UNIT = re.compile(r"\w.*[\[(].*[\])]$")  # so that a line of them holds names
+NUMBER_AND_REST = re.compile(r"[+-]?\d[\d.,]*(?:[eE][+-]?\d+)?(\s?)([^\W\d].*|[°%].*)")  # 20.5 °C
 UNIT_WORDS = ("unit", "units", "einheit", "einheiten", "unità")  # that head a line of units above the names
 
 
 @dataclass(frozen=True)
 class Dialect:
     """How a table is written. `names` are unique; `numeric`: which columns hold numbers, None: empty as yet;
-    `lines_above`: those with text above the header; `rows` gives all rows of the table, cell by cell."""
+    `in_cells`: the units that stand in each cell of a column, which `sample` leaves out; `lines_above`: those with text
+    above the header; `rows` gives all rows of the table, cell by cell."""
 
     delimiter: str
     numerals: Numerals
@@ -45,6 +47,7 @@ class Dialect:
     renamed: dict[str, list[str]]  # as the header says it -> as it is called here
     sample: tuple[tuple[str, ...], ...]  # the first rows that fit, cell by cell
     lines_above: tuple[str, ...] = ()
+    in_cells: Mapping[str, str] = field(default_factory=dict)
     rows: Callable[[], Iterable[Sequence[str]]] = tuple
 
     def renamed_as(self, name: Callable[[str, str | None, bool], str]) -> Dialect:
@@ -53,7 +56,8 @@ class Dialect:
         names = {one: name(one, self.units.get(one), numeric is False) for one, numeric in kinds}
         units = {names[one]: unit for one, unit in self.units.items()}
         renamed = {said: [names[one] for one in called] for said, called in self.renamed.items()}
-        return replace(self, names=tuple(names.values()), units=units, renamed=renamed)
+        in_cells = {names[one]: unit for one, unit in self.in_cells.items()}
+        return replace(self, names=tuple(names.values()), units=units, renamed=renamed, in_cells=in_cells)
 
 
 def cells(line: str, delimiter: str) -> list[str]:
@@ -107,14 +111,19 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
             rows[0].append("")
     _check_header(header, rows, delimiter, log)
     fitting = [tuple(cell.strip() for cell in row) for row in rows if len(row) == len(header)]
-    numerals = _csv_numbers.recognise((cell for row in fitting for cell in row), delimiter)
     names, renamed = unique(header)
+    columns = zip(names, zip(*fitting, strict=True), strict=False)
+    in_cells = {name: unit for name, column in columns if (unit := _unit_in_cells(column))}
+    ends = [in_cells.get(name, "") for name in names]
+    fitting = [tuple(cell.removesuffix(end).rstrip() for cell, end in zip(row, ends, strict=True)) for row in fitting]
+    numerals = _csv_numbers.recognise((cell for row in fitting for cell in row), delimiter)
     units = _units_of_settings(lines[:above], names, delimiter) | _units_above(lines[:above], names, delimiter)
     has_units = _is_units_row(fitting, numerals)
     units |= {name: match[1] for name, text in zip(names, header, strict=True) if (match := UNIT_IN_NAME.search(text))}
     if has_units:
         units |= {name: _bare(cell) for name, cell in zip(names, fitting[0], strict=True) if cell}
         fitting = fitting[1:]
+    units |= in_cells
     numeric = tuple(_is_numeric([row[i] for row in fitting], numerals) for i in range(len(names)))
     return Dialect(
         delimiter,
@@ -126,7 +135,24 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
         renamed,
         tuple(fitting[:SAMPLE_ROWS]),
         tuple(lines[:above]),
+        in_cells,
     )
+
+
+def _unit_in_cells(column: Sequence[str]) -> str | None:
+    """The unit that numbers of a column end in, as in "20.5 °C"; None where most cells hold none, or several units are
+    among them. `12A` alone may be the name of something."""
+    said = [cell for cell in column if cell not in MISSING]
+    ended = [
+        match for match in map(NUMBER_AND_REST.fullmatch, said) if match and normal_unit(match[2]) not in (None, "1")
+    ]
+    if len({match[2] for match in ended}) != 1:
+        return None
+    unit = ended[0][2]
+    bare = [cell.removesuffix(unit).rstrip() for cell in said]
+    no_name = ended[0][1] or len(unit) > 1 or any(sign in cell for cell in bare for sign in ".,")
+    numbers = sum(cell in MISSING or any(one.is_number(cell) for one in EITHER) for cell in bare)
+    return unit if no_name and 2 * numbers > len(said) else None
 
 
 def _merged(header: list[str], over: Sequence[str], delimiter: str) -> list[str]:

@@ -394,9 +394,32 @@ def test_groups_that_are_not_of_three_digits_are_no_number(tmp_path: Path, text:
     assert [entry.why for entry in log.rejected] == [f'text "{text}" where numbers are']
 
 
-def test_numbers_with_units_in_their_cells_are_texts_that_are_named(tmp_path: Path) -> None:
-    log, _, _ = read(table(tmp_path, "time,T,n,note\n0,20.5 °C,1000 rpm,\n1,21.5 °C,1001 rpm,b\n"))
-    assert log.settings["numbers_with_units"] == {"T": "20.5 °C", "n": "1000 rpm"}
+@pytest.mark.parametrize("end", ["", "3 s,oops,1000 rpm,\n"])  # all rows together, and one by one
+def test_units_in_the_cells_are_those_of_their_columns(tmp_path: Path, end: str) -> None:
+    rows = "0 s,20.5 °C,1000 rpm,\n1 s,--- °C,1001rpm,b\n2 s,21 °C,,\n"
+    log, t_ns, columns = read(table(tmp_path, f"time,T,n,note\n{rows}{end}"))
+    np.testing.assert_array_equal(columns["T"], [20.5, np.nan, 21])
+    np.testing.assert_array_equal(columns["n"], [1000, 1001, np.nan])
+    assert (t_ns, log.units) == ([0, S_NS, 2 * S_NS], {"time": "s", "T": "°C", "n": "rpm"})
+    assert len(log.rejected) == (end != "")
+    assert "numbers_with_units" not in log.settings
+
+
+def test_units_in_the_cells_may_stand_behind_decimal_commas(tmp_path: Path) -> None:
+    log, _, columns = read(table(tmp_path, "Zeit;T;M [x];U\n0;20,5 °C;1.200,5 Nm;5,0V\n1;21 °C;7 Nm;5,1V\n"))
+    assert (columns["T"], columns["M [x]"], columns["U"]) == ([20.5, 21], [1200.5, 7], [5, 5.1])
+    assert log.units == {"T": "°C", "M [x]": "Nm", "U": "V"}
+
+
+@pytest.mark.parametrize("cells", [("12A", "13A"), ("1 pc", "2 pc"), ("12-", "13-"), ("900 mV", "1.2 V"), ("5 V", "b")])
+def test_cells_that_do_not_all_end_in_one_known_unit_stay_texts(tmp_path: Path, cells: tuple[str, str]) -> None:
+    _, _, columns = read(table(tmp_path, "time,T,x\n0,20," + "\n1,21,".join(cells) + "\n"))
+    assert columns["x"] == [*cells]
+
+
+def test_numbers_with_several_units_in_their_cells_are_texts_that_are_named(tmp_path: Path) -> None:
+    log, _, _ = read(table(tmp_path, "time,T,U\n0,20,900 mV\n1,21,1.2 V\n"))
+    assert log.settings["numbers_with_units"] == {"U": "900 mV"}
 
 
 def test_numbers_that_may_have_thousands_are_texts_that_are_named(tmp_path: Path) -> None:
