@@ -246,6 +246,7 @@ CANDUMP = (  # as it is written, and as it is shown
     rb"(?m)^ ?\((?:\d{4}-\d\d-\d\d \d\d:\d\d:\d\d|\d+)\.\d+\)\s+\S+\s+"
     rb"(?:[RT]X \S \S +)?[0-9A-Fa-f]{3,8}(?:#| +\[\d+\] )"
 )
+OBJECTS = rb'\A\s*\{\s*"[^\n]*\}\s*\n\s*\{\s*"'  # a line each
 FRAME_WAY = rb"\s[RT]x\s"  # received or sent: on each line of a log of frames that is known by its name alone
 FORMATS: tuple[Format, ...] = (
     Format("blf", "frames", (".blf",), b"LOGG", "ingest.formats.blf"),
@@ -266,6 +267,7 @@ FORMATS: tuple[Format, ...] = (
     Format("mcap", "rows", (".mcap",), b"\x89MCAP0\r\n", "ingest.formats.mcap"),
     Format("atfx", "rows", (".atfx",), b"", "ingest.formats.atfx", rb"<atfx_file[\s>]"),
     Format("lvm", "rows", (".lvm",), b"LabVIEW Measurement", "ingest.formats.lvm"),
+    Format("jsonl", "rows", (".jsonl", ".ndjson"), b"", "ingest.formats.jsonl", OBJECTS),
     Format("xlsx", "rows", (".xlsx", ".xlsm"), b"PK\x03\x04", "ingest.formats.xlsx"),
     Format("csv", "rows", (".csv", ".csv.gz", ".txt", ".tsv", ".log"), b"", "ingest.formats.csv"),
 )
