@@ -15,6 +15,7 @@ from ingest.errors import UnreadableLogError
 from ingest.formats import _csv_numbers
 from ingest.formats._csv_numbers import MISSING, Numerals
 from ingest.formats._csv_stamps import is_stamp
+from ingest.formats._csv_units import bare, unit_in_cells
 from ingest.texts.names import each_once
 from ingest.texts.units import normal_unit
 
@@ -28,14 +29,13 @@ UNIT_IN_NAME = re.compile(r"\[((?!0|[2-9]|1\d|OLE2)[^\[\]]*)\]\s*$")  # not the 
 ONE_CELL = re.compile(r'"(?:[^"]|"")*"\r?')  # a line in quotes
 STAMPED = re.compile(r"\d:\d\d|\d[-/.]\d+[-/.]\d")  # as no name of a column is, of the cells that may be stamps
 NAME_AND_UNIT = re.compile(r"\w.*[\[(].*[\])]$")  # so that a line of them holds names
-NUMBER_AND_REST = re.compile(r"[+-]?\d[\d.,]*(?:[eE][+-]?\d+)?(\s?)([^\W\d].*|[°%].*)")  # 20.5 °C
 UNIT_WORDS = ("unit", "units", "einheit", "einheiten", "unità")  # that head a line of units above the names
 
 
 @dataclass(frozen=True)
 class Dialect:
     """How a table is written. `names` are unique; `numeric`: which columns hold numbers, None: empty as yet;
-    `in_cells`: the units that stand in each cell of a column, which `sample` leaves out; `lines_above`: those with text
+    `in_cells`: the units that stand in the cells of a column, which `sample` leaves out; `lines_above`: those with text
     above the header; `rows` gives all rows of the table, cell by cell."""
 
     delimiter: str
@@ -113,9 +113,9 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
     fitting = [tuple(cell.strip() for cell in row) for row in rows if len(row) == len(header)]
     names, renamed = unique(header)
     columns = zip(names, zip(*fitting, strict=True), strict=False)
-    in_cells = {name: unit for name, column in columns if (unit := _unit_in_cells(column))}
+    in_cells = {name: unit for name, column in columns if (unit := unit_in_cells(column))}
     ends = [in_cells.get(name, "") for name in names]
-    fitting = [tuple(cell.removesuffix(end).rstrip() for cell, end in zip(row, ends, strict=True)) for row in fitting]
+    fitting = [tuple(bare(cell, end) for cell, end in zip(row, ends, strict=True)) for row in fitting]
     numerals = _csv_numbers.recognise((cell for row in fitting for cell in row), delimiter)
     units = _units_of_settings(lines[:above], names, delimiter) | _units_above(lines[:above], names, delimiter)
     has_units = _is_units_row(fitting, numerals)
@@ -137,22 +137,6 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
         tuple(lines[:above]),
         in_cells,
     )
-
-
-def _unit_in_cells(column: Sequence[str]) -> str | None:
-    """The unit that numbers of a column end in, as in "20.5 °C"; None where most cells hold none, or several units are
-    among them. `12A` alone may be the name of something."""
-    said = [cell for cell in column if cell not in MISSING]
-    ended = [
-        match for match in map(NUMBER_AND_REST.fullmatch, said) if match and normal_unit(match[2]) not in (None, "1")
-    ]
-    if len({match[2] for match in ended}) != 1:
-        return None
-    unit = ended[0][2]
-    bare = [cell.removesuffix(unit).rstrip() for cell in said]
-    no_name = ended[0][1] or len(unit) > 1 or any(sign in cell for cell in bare for sign in ".,")
-    numbers = sum(cell in MISSING or any(one.is_number(cell) for one in EITHER) for cell in bare)
-    return unit if no_name and 2 * numbers > len(said) else None
 
 
 def _merged(header: list[str], over: Sequence[str], delimiter: str) -> list[str]:
@@ -225,6 +209,7 @@ def _above_header(lines: Sequence[str], delimiter: str) -> int:
     above = [place for place in fitting if place < first and not any(map(is_value, table[place]))]
     above = [place for place in above if not _heads_units(table[place])]
     names = [place for place in above if 2 * sum(map(bool, of_values[place])) > len(valued)]
+    names = [place for place in names if "1" not in table[place] or place - 1 in names]  # which no column is called
     together = [place for place in names if set(range(place, names[-1])) <= set(names)]
     units = next((place for place in together[1:] if _is_units(of_values[place])), None)
     if units is not None:

@@ -13,7 +13,7 @@ import pyarrow.compute as pc
 import pyarrow.csv
 from numpy.typing import NDArray
 
-from ingest.formats import SHOWN
+from ingest.formats import SHOWN, _csv_units
 from ingest.formats._csv_dialect import BLANKS, Dialect, cells
 from ingest.formats._csv_numbers import MISSING, Numerals
 
@@ -113,7 +113,7 @@ class LineReader:
             return "", f"has {len(row):,} field{'s' * (len(row) != 1)} where the header has {len(self.numeric):,}"
         values: list[float | str] = []
         for name, cell, numeric, end in zip(self.dialect.names, row, self.numeric, self._ends(), strict=True):
-            value = self.dialect.numerals.value(cell.strip().removesuffix(end)) if numeric else cell
+            value = _csv_units.value(cell.strip(), end, self.dialect.numerals) if numeric else cell
             if value is None:
                 return name, f'text "{cell.strip()[:SHOWN]}" where numbers are'
             values.append(value)

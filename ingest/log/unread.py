@@ -12,7 +12,7 @@ SHEETS, TEXTS = "sheets_unread", "numbers_as_text"
 
 def findings(name: str, settings: Mapping[str, Any]) -> list[QualityFlagged]:
     """A flag of the file `name` for each: further sheets of a workbook, and columns whose cells have
-    several units, or thousands."""
+    units of several kinds, or thousands."""
     told = {}
     if others := settings.get("other_sheets"):
         told[SHEETS] = f"sheet {settings['sheet']} was read, and not {', '.join(others)} ([time] sheet tells another)"

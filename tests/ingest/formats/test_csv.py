@@ -411,15 +411,39 @@ def test_units_in_the_cells_may_stand_behind_decimal_commas(tmp_path: Path) -> N
     assert log.units == {"T": "°C", "M [x]": "Nm", "U": "V"}
 
 
-@pytest.mark.parametrize("cells", [("12A", "13A"), ("1 pc", "2 pc"), ("12-", "13-"), ("900 mV", "1.2 V"), ("5 V", "b")])
-def test_cells_that_do_not_all_end_in_one_known_unit_stay_texts(tmp_path: Path, cells: tuple[str, str]) -> None:
+@pytest.mark.parametrize(
+    "cells",
+    [
+        ("12A", "13A"),
+        ("1 pc", "2 pc"),
+        ("12-", "13-"),
+        ("900 mV", "1.2 A"),
+        ("20 °C", "290 K"),
+        ("5 V", "b"),
+        ("1.5k", "900m"),
+    ],
+)
+def test_cells_that_do_not_end_in_units_of_one_kind_stay_texts(tmp_path: Path, cells: tuple[str, str]) -> None:
     _, _, columns = read(table(tmp_path, "time,T,x\n0,20," + "\n1,21,".join(cells) + "\n"))
     assert columns["x"] == [*cells]
 
 
-def test_numbers_with_several_units_in_their_cells_are_texts_that_are_named(tmp_path: Path) -> None:
-    log, _, _ = read(table(tmp_path, "time,T,U\n0,20,900 mV\n1,21,1.2 V\n"))
+def test_numbers_with_units_of_several_kinds_in_their_cells_are_texts_that_are_named(tmp_path: Path) -> None:
+    log, _, _ = read(table(tmp_path, "time,T,U\n0,20,900 mV\n1,21,1.2 A\n"))
     assert log.settings["numbers_with_units"] == {"U": "900 mV"}
+
+
+@pytest.mark.parametrize("rows", [4, 400])  # before the meter chooses another range: what is looked at first, and more
+def test_a_meter_may_choose_its_range_row_by_row(tmp_path: Path, rows: int) -> None:
+    cells = ["5 mV", *["900.5 mV"] * (rows - 2), "---- V", "1.25 V", "1,2"]
+    log, _, columns = read(table(tmp_path, "time;U\n" + "".join(f"{k};{cell}\n" for k, cell in enumerate(cells))))
+    np.testing.assert_allclose(columns["U"], [5, *[900.5] * (rows - 2), np.nan, 1250])
+    assert (log.units, [one.why for one in log.rejected]) == ({"U": "mV"}, ['text "1,2" where numbers are'])
+
+
+def test_a_row_of_data_is_no_header_where_its_time_is_one(tmp_path: Path) -> None:
+    log, t_ns, columns = read(table(tmp_path, "time,M\n0,(1.5)\n1,(2.5)\n2,3.5\n3,4.5\n4,5.5\n"))
+    assert (t_ns, columns, log.found) == ([2 * S_NS, 3 * S_NS, 4 * S_NS], {"M": [3.5, 4.5, 5.5]}, 5)
 
 
 def test_numbers_that_may_have_thousands_are_texts_that_are_named(tmp_path: Path) -> None:
