@@ -167,6 +167,15 @@ class OfMinutes(OfDay):
         return seconds_of_minutes(cell)
 
 
+class OfDigits(OfDay):
+    """Hours, minutes and seconds as one number, 140507.25."""
+
+    called = "time of day in digits"
+
+    def seconds(self, cell: str) -> float:
+        return seconds_of_digits(cell)
+
+
 OF_DAY = re.compile(
     rf"(?:(?P<days>\d{{1,4}}) days? )?(\d{{1,4}}):(\d{{2}}):(\d{{2}})(?:[.,:](\d{{1,9}}))?"
     rf"(?:{BLANK}?([AaPp])\.?{BLANK}?[Mm]\.?)?",
@@ -203,6 +212,17 @@ MINUTES = re.compile(r"\s*\d{1,2}:\d\d(?![:.,\d])", re.ASCII)
 def seconds_of_minutes(cell: str) -> float:
     """Seconds of `14:02` and `02:02 PM`, hours and minutes; NaN where it is none."""
     return seconds_of_day(MINUTES.sub(r"\g<0>:00", cell, count=1)) if MINUTES.match(cell) else float("nan")
+
+
+DIGITS = re.compile(r"([01]?\d|2[0-3])([0-5]\d)([0-5]\d(?:[.,]\d{1,9})?)", re.ASCII)
+
+
+def seconds_of_digits(cell: str) -> float:
+    """Seconds of `140507.25`, hours, minutes and seconds in one number; NaN where it is none."""
+    match = DIGITS.fullmatch(cell.strip())
+    if match is None:
+        return float("nan")
+    return int(match[1]) * 3600 + int(match[2]) * 60 + float(match[3].replace(",", "."))
 
 
 def carried(dates: Iterable[str], before: str = "") -> list[str]:

@@ -21,6 +21,7 @@ from ingest.formats._csv_clocks import (
     Clock,
     Counted,
     OfDay,
+    OfDigits,
     OfHour,
     OfMinutes,
     Rate,
@@ -34,6 +35,7 @@ from ingest.formats._csv_clocks import (
     wraps_of,
 )
 from ingest.formats._csv_dialect import Dialect, cells
+from ingest.formats._csv_digits import digit_pairs, in_digits, says_seconds
 from ingest.formats._csv_numbers import MISSING
 from ingest.formats._csv_stamps import (
     CLOCK_ALONE,
@@ -41,6 +43,7 @@ from ingest.formats._csv_stamps import (
     DAY_FIRST,
     DAY_NS,
     DAYS,
+    DIGITS,
     DIGITS_ALONE,
     KNOWN,
     MONTH_FIRST,
@@ -202,6 +205,8 @@ def _rated(time: TimeSpec, dialect: Dialect) -> Clock | None:
 
 def _of_named(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
     """The clock of a column that is called as times are; None for numbers that do not go on as time does."""
+    if in_digits(column, dialect):
+        return None
     counts = np.array(_numbers(dialect, column)) if _is_number(dialect, column) else None
     goes_on = counts is None or rises(counts + wraps_of(counts) * WRAP)
     clock = _by_content(time, column, dialect) if goes_on or time.column is None else None
@@ -330,17 +335,19 @@ def _of_day(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
     """The clock of a column of times of day, with or without seconds, or of what is left of them within the hour, which
     nothing dates."""
     said = [cell for cell in _cells(dialect, column) if cell not in MISSING]
-    kind = _kind_of_day(time.format, column, said)
+    kind = _kind_of_day(time.format, column, said, in_digits(column, dialect))
     start = time.start_ns
     return kind(says=kind.called, absolute=start is not None, columns=(column,), origin_ns=start or 0) if kind else None
 
 
-def _kind_of_day(form: str | None, column: str, said: Sequence[str]) -> type[OfDay] | None:
+def _kind_of_day(form: str | None, column: str, said: Sequence[str], digits: bool) -> type[OfDay] | None:
     """What the cells of a column are of the day; None where they are none, or nothing tells: `02:07` is what `form`
     says, or the column's name; minutes and seconds where it has parts of a second, or as no hour is so late; hours and
     minutes by `PM`, or as what counts from a start begins below one."""
     if _most(seconds_of_day, said):
         return OfDay
+    if digits:
+        return OfDigits
     if not _most(seconds_of_hour, said) and not _most(seconds_of_minutes, said):
         return None
     name = words(column)
@@ -379,6 +386,13 @@ def _asked(dialect: Dialect) -> str | None:
                 f'"{" + ".join(names)}" holds "{cell}", which may begin with the day or with the {tells}. '
                 f'Under [time] of the bench file say format = "{day}" or format = "{other}".'
             )
+    for names in digit_pairs(dialect):
+        cell = next(_said(dialect.sample, names, dialect))
+        clock = "%H%M" + "%S" * says_seconds(names[1], dialect) + ".%f" * ("." in cell)
+        return (
+            f'"{" + ".join(names)}" holds "{cell}", which may begin with the day, the month or the year. Under [time] '
+            f'of the bench file say format = "%d%m%y {clock}", "%m%d%y {clock}" or "%y%m%d {clock}".'
+        )
     return None
 
 
@@ -396,7 +410,8 @@ def _of_two(time: TimeSpec, patterns: Mapping[str, str], dialect: Dialect) -> Cl
             return replace(found, sparse_dates=True)
         if found and not found.t_ns(_time_cells(found, dialect), NO_RECORD)[1].all():
             return found  # 24.12.25 has the form of a time of day, and 08.00.00 that of a date
-    return None
+    forms = patterns if time.format else _known(time, DIGITS)
+    return next((found for pair in digit_pairs(dialect) if (found := _of_cells(time, forms, pair, dialect))), None)
 
 
 def _filled(dialect: Dialect, column: str) -> Dialect | None:

@@ -139,6 +139,54 @@ def test_hours_and_minutes_alone_are_told_from_minutes_and_seconds(
     assert (t_ns, log.absolute, len(log.rejected)) == ([s * S_NS for s in seconds], False, 0)
 
 
+@pytest.mark.parametrize(
+    ("head", "day", "clocks", "says", "seconds"),
+    [
+        (
+            "date,time",
+            "20240301",
+            "140058 140059 140100",
+            "year month day hour minute second",
+            [50_458, 50_459, 50_460],
+        ),
+        (
+            "date,time",
+            "20240301",
+            "080058 080059 080100",
+            "year month day hour minute second",
+            [28_858, 28_859, 28_860],
+        ),
+        ("Datum,Zeit", "01032024", "80059.5 80100.0", "day month year hour minute second", [28_859.5, 28_860]),
+        ("Date,Time", "20240301", "1359 1400", "year month day hour minute", [50_340, 50_400]),
+        ("x,time", "1", "140058 140059 140100", "time of day", [50_458, 50_459, 50_460]),
+        ("x,Zeit", "1", "080058 080059 080100", "time of day", [28_858, 28_859, 28_860]),
+    ],
+)
+def test_times_of_day_may_be_digits(
+    tmp_path: Path, head: str, day: str, clocks: str, says: str, seconds: list[float]
+) -> None:
+    log, t_ns, _ = read(table(tmp_path, f"{head},T\n" + "".join(f"{day},{cell},20\n" for cell in clocks.split())))
+    midnight_s = MARCH_NS // S_NS // 86_400 * 86_400 if log.absolute else 0
+    assert log.settings["time"].startswith(f"{says} in digits")
+    assert (t_ns, list(log.rejected)) == ([round((midnight_s + at_s) * S_NS) for at_s in seconds], [])
+
+
+def test_seconds_are_no_digits_of_a_time_of_day(tmp_path: Path) -> None:
+    for counts in (range(12_340, 12_440), range(60), range(100_000, 100_040), range(140_000, 141_000, 50)):
+        log, t_ns, _ = read(table(tmp_path, "time,T\n" + "".join(f"{count},20\n" for count in counts)))
+        assert (t_ns, log.settings["time"]) == ([count * S_NS for count in counts], "s from the start")
+
+
+@pytest.mark.parametrize("clock", ["140000.25", "080000", "0800"])
+def test_a_short_date_in_digits_is_asked_for_in_words_that_work(tmp_path: Path, clock: str) -> None:
+    path = table(tmp_path, f"UTC Date,UTC Time,T\n140325,{clock},20\n140325,{clock},21\n")
+    with pytest.raises(UnreadableLogError, match=r"may begin with the day, the month or the year") as refusal:
+        read(path)
+    form = str(refusal.value).split('format = "')[1].split('"')[0]
+    (first, _), log = (found := read(path, TimeSpec(format=form)))[1], found[0]
+    assert log.absolute and first % (86_400 * S_NS) == (50_400_250_000_000 if "." in clock else 28_800 * S_NS)
+
+
 @pytest.mark.parametrize(("form", "step_s"), [("%H:%M", 60), ("%M:%S", 1)])
 def test_what_may_be_both_is_asked_for_in_words_that_work(tmp_path: Path, form: str, step_s: int) -> None:
     path = table(tmp_path, "Zeit;T\n00:00;1\n00:01;2\n00:02;3\n")
