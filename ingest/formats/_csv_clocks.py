@@ -177,15 +177,15 @@ class OfDigits(OfDay):
 
 
 OF_DAY = re.compile(
-    rf"(?:(?P<days>\d{{1,4}}) days? )?(\d{{1,4}}):(\d{{2}}):(\d{{2}})(?:[.,:](\d{{1,9}}))?"
+    rf"(?:(?P<days>\d{{1,4}})(?:\.| ?d(?:ays?)?,? ))?(\d{{1,4}}):(\d{{2}}):(\d{{2}})(?:[.,:](\d{{1,9}}))?"
     rf"(?:{BLANK}?([AaPp])\.?{BLANK}?[Mm]\.?)?",
     re.ASCII,
 )
 
 
 def seconds_of_day(cell: str) -> float:
-    """Seconds of `14:02:07.5`, `02:02:07 PM` or, counted from a start, `100:06:40` and `4 days 04:06:40`, as pandas
-    writes it; NaN where it is none."""
+    """Seconds of `14:02:07.5`, `02:02:07 PM` or, counted from a start, `100:06:40`, `4 days 04:06:40`, as pandas writes
+    it, and `4.04:06:40`, as .NET does; NaN where it is none."""
     match = OF_DAY.fullmatch(cell.strip())
     if match is None:
         return float("nan")
@@ -246,6 +246,7 @@ class Stamped(Clock):
     pattern: str
     local: LocalClock
     digits: int = 0  # of the part of the second that the last of the columns holds: 3 where it is milliseconds
+    zoned: bool = False  # the last of them, behind that, holds the zone
     sparse_dates: bool = False  # the first of them holds a date where it is another one, as ALMEMO writes it
     is_text: bool = field(default=True, init=False)
     _day: str = field(default="", init=False)  # the date that was said last
@@ -254,11 +255,12 @@ class Stamped(Clock):
         if self.sparse_dates and len(columns[0]):
             days = carried(columns[0].tolist(), self._day)
             self._day, columns = days[-1], [np.array(days, object), *columns[1:]]
-        stamps = super().cells(columns[: len(columns) - (self.digits > 0)])
-        if not self.digits:
-            return stamps
-        both = zip(stamps, columns[-1], strict=True)
-        return np.array([f"{one}.{part.strip():0>{self.digits}}" for one, part in both], object)
+        own = columns[: len(columns) - self.zoned - (self.digits > 0)]
+        stamps = super().cells(own)
+        if self.digits:
+            both = zip(stamps, columns[len(own)], strict=True)
+            stamps = np.array([f"{one}.{part.strip():0>{self.digits}}" for one, part in both], object)
+        return joined(stamps, columns[-1]) if self.zoned else stamps
 
     def t_ns(self, cells: NDArray[Any], record: Ints) -> tuple[Ints, Flags]:
         return parse(cells, self.pattern, self.local)

@@ -1,4 +1,4 @@
-"""Times of day as one number, 140507 for 14:05:07, and the dates in digits beside them: told from seconds that count."""
+"""Times of day as one number, 140507 for 14:05:07, and dates in digits beside them: told from seconds that count."""
 
 from __future__ import annotations
 

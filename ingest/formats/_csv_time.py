@@ -49,6 +49,7 @@ from ingest.formats._csv_stamps import (
     MONTH_FIRST,
     OF_PARTS,
     SECOND_NS,
+    ZONE,
     LocalClock,
     both_formats,
     day_first,
@@ -446,7 +447,20 @@ def _of_cells(
     if not pattern:
         return None
     clock = Stamped(says=says, absolute=True, columns=columns, pattern=pattern, local=LocalClock(time.local))
-    return _with_part(clock, dialect)
+    return _with_zone(_with_part(clock, dialect), dialect)
+
+
+def _with_zone(clock: Stamped, dialect: Dialect) -> Stamped:
+    """The clock with the zone that a column of its own says of each stamp, where the stamps say none."""
+    if "(?P<z>" not in clock.pattern or any(
+        re.search(f"{ZONE}$", cell.strip()) for cell in _time_cells(clock, dialect)
+    ):
+        return clock
+    if any("utc" in words(name) for name in clock.columns):
+        return clock
+    others = (name for name in dialect.names if name not in clock.columns and not _is_number(dialect, name))
+    column = next((name for name in others if _fits(f"^{ZONE}$", dialect, name)), None)
+    return clock if column is None else replace(clock, columns=(*clock.columns, column), zoned=True)
 
 
 def _with_part(clock: Stamped, dialect: Dialect) -> Stamped:

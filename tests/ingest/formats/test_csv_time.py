@@ -177,6 +177,32 @@ def test_seconds_are_no_digits_of_a_time_of_day(tmp_path: Path) -> None:
         assert (t_ns, log.settings["time"]) == ([count * S_NS for count in counts], "s from the start")
 
 
+@pytest.mark.parametrize(
+    ("head", "row"),
+    [
+        ("date,time,tz", "2024-03-01,09:00:0{k},CET"),
+        ("tz,Timestamp", "+01:00,2024-03-01 09:00:0{k}"),
+        ("Stamp,UTC Offset,ms", "01.03.2024 09:00:0{k},UTC+1,0"),
+        ("Time (UTC),tz", "2024-03-01 08:00:0{k},CET"),
+        ("Time,tz", "2024-03-01T08:00:0{k}Z,CET"),
+    ],
+)
+def test_a_zone_in_a_column_of_its_own_belongs_to_the_stamp(tmp_path: Path, head: str, row: str) -> None:
+    path = table(tmp_path, f"{head},T\n" + "".join(f"{row.format(k=k)},20\n" for k in range(3)))
+    for spec in (TimeSpec(), TimeSpec(zone="America/New_York")):
+        log, t_ns, columns = read(path, spec)
+        if spec.zone == "UTC" or "Time (UTC)" not in head:
+            assert (t_ns, log.absolute) == ([MARCH_NS + k * S_NS for k in range(3)], True)
+    assert ("tz" in columns) == (head in ("Time (UTC),tz", "Time,tz"))
+
+
+@pytest.mark.parametrize("cells", ["23:59:59 1.00:00:00.5", "23:59:59,1 day 0:00:00.5", "0d 23:59:59,1d 00:00:00.5"])
+def test_times_since_a_start_go_on_after_a_day(tmp_path: Path, cells: str) -> None:
+    said = cells.split("," if "," in cells else " ")
+    _, t_ns, _ = read(table(tmp_path, "Elapsed;T\n" + "".join(f"{cell};20\n" for cell in said)))
+    assert t_ns == [86_399 * S_NS, 86_400 * S_NS + S_NS // 2]
+
+
 @pytest.mark.parametrize("clock", ["140000.25", "080000", "0800"])
 def test_a_short_date_in_digits_is_asked_for_in_words_that_work(tmp_path: Path, clock: str) -> None:
     path = table(tmp_path, f"UTC Date,UTC Time,T\n140325,{clock},20\n140325,{clock},21\n")
