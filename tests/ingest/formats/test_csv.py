@@ -454,7 +454,22 @@ def test_numbers_that_may_have_thousands_are_texts_that_are_named(tmp_path: Path
 
 @pytest.mark.parametrize(
     "cell",
-    ["NoValue", "Overflow", "OVER RANGE", "∞", "-∞", "---O-F---", "BURN OUT", "Open circuit", "OTC", "no data"],
+    [
+        "NoValue",
+        "Overflow",
+        "OVER RANGE",
+        "∞",
+        "-∞",
+        "---O-F---",
+        "BURN OUT",
+        "Open circuit",
+        "OTC",
+        "no data",
+        "Fühlerbruch",
+        "FÜHLERBRUCH",
+        "Fuori scala",
+        "hors échelle",
+    ],
 )
 def test_a_sensor_that_says_that_it_failed_is_a_missing_number(tmp_path: Path, cell: str) -> None:
     log, t_ns, columns = read(table(tmp_path, f"t,T,U\n0,20,1\n1,{cell},2\n2,21,3\n"))
