@@ -66,11 +66,15 @@ class Counted(Clock):
     begins anew goes on."""
 
     unit_ns: float
+    parts: float = 1.0  # of a second, of which the last of two columns counts how many are to be added
     zero: float = 0.0
     origin_ns: int = 0
     step_ns: int = 1
     _wraps: int = field(default=0, init=False)
     _last: float = field(default=np.nan, init=False)
+
+    def cells(self, columns: Sequence[NDArray[Any]]) -> NDArray[Any]:
+        return columns[0] if len(columns) == 1 else np.asarray(columns[0] + columns[1] / self.parts)
 
     def t_ns(self, cells: NDArray[Any], record: Ints) -> tuple[Ints, Flags]:
         steps = (self._unwrapped(cells) - self.zero) * (self.unit_ns / self.step_ns)
@@ -115,9 +119,6 @@ class SerialOfTwo(Serial):
     """Such days in one column, and the part of the day in another, to a microsecond: doubles hold no more of both."""
 
     step_ns: int = 1000
-
-    def cells(self, columns: Sequence[NDArray[Any]]) -> NDArray[Any]:
-        return np.asarray(columns[0] + columns[1])
 
 
 @dataclass(kw_only=True)

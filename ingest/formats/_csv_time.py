@@ -79,6 +79,7 @@ RATED = re.compile(  # what a line above a table says of its rows
 )
 PER_S = {"hz": 1.0, "khz": 1e3}
 SERIAL_D, SERIAL_NS = (36526.0, 73050.0), utc_ns(EPOCH.replace(year=1899, month=12, day=30))  # days of 2000 to 2099
+DATENUM_D, DATENUM_1970_D = (730_486.0, 767_011.0), 719_529.0  # the same as MATLAB counts them, and 1970 there
 SERIAL_STEP_D = 1e-3  # numbers so large that go on by less are no seconds: a thousand rows in each
 EPOCH_NS = (1e18, 3.3e18)  # a column of numbers between these [ns] counts from 1970: years 2001 to 2074
 SINCE_1904_S, ORIGIN_1904_NS = (3.3e9, 4.3e9), utc_ns(EPOCH.replace(year=1904))  # as LabVIEW counts: 2008 to 2040
@@ -272,8 +273,9 @@ def _by_content(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
     for candidate in candidates:
         middle = median(_numbers(dialect, column)) * UNITS_NS[candidate]  # one absurd stamp takes nothing from the rest
         if EPOCH_NS[0] <= middle <= EPOCH_NS[1]:
-            says = f"{candidate} since 1970"
-            return Counted(says=says, absolute=True, columns=(column,), unit_ns=UNITS_NS[candidate], step_ns=1000)
+            says, unit_ns = f"{candidate} since 1970", UNITS_NS[candidate]
+            since_1970 = Counted(says=says, absolute=True, columns=(column,), unit_ns=unit_ns, step_ns=1000)
+            return _with_part_counted(since_1970, dialect)
     if candidates[0] == "s" and SINCE_1904_S[0] <= median(_numbers(dialect, column)) <= SINCE_1904_S[1]:
         says = "s since 1904"
         return Counted(
@@ -282,10 +284,28 @@ def _by_content(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
     for says, (of_1970, first, last) in TICKS.items() if unit is None else ():
         if first <= median(_numbers(dialect, column)) < last:
             return Counted(says=says, absolute=True, columns=(column,), unit_ns=100, step_ns=1000, zero=of_1970)
-    if unit is None and (clock := _serial(time, column, dialect)):
-        return clock
+    if unit is None and (serial := _serial(time, column, dialect)):
+        return serial
     says, start, unit_ns = f"{candidates[0]} from the start", time.start_ns, UNITS_NS[candidates[0]]
-    return Counted(says=says, absolute=start is not None, columns=(column,), unit_ns=unit_ns, origin_ns=start or 0)
+    clock = Counted(says=says, absolute=start is not None, columns=(column,), unit_ns=unit_ns, origin_ns=start or 0)
+    return _with_part_counted(clock, dialect)
+
+
+def _with_part_counted(clock: Counted, dialect: Dialect) -> Counted:
+    """The clock of whole seconds, several rows in each, with the part of the second that a column of its own holds."""
+    seconds, column = np.array(_numbers(dialect, clock.columns[0])), _part_of_second(clock.columns, dialect)
+    often = np.ptp(seconds) > 0 and (np.diff(seconds) == 0).any() and not (seconds % 1).any()
+    if column is None or not often or clock.unit_ns != SECOND_NS:
+        return clock
+    return replace(clock, columns=(*clock.columns, column), parts=10.0 ** digits_of(column))
+
+
+def _part_of_second(beside: Sequence[str], dialect: Dialect) -> str | None:
+    """The column that is called as parts of a second are, and holds such in all rows."""
+    column = next((name for name in dialect.names if digits_of(name) and name not in beside), None)
+    most = 10 ** digits_of(column or "")
+    parts = _numbers(dialect, column) if column else []
+    return column if all(0 <= part < most and part == int(part) for part in parts) else None
 
 
 def _stamped(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
@@ -301,14 +321,14 @@ def _is_number(dialect: Dialect, column: str) -> bool:
 def _serial(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
     """The clock of dates as spreadsheets store them; None where numbers are none, or may be seconds as well."""
     days = np.array(_numbers(dialect, column)) if _is_number(dialect, column) else np.empty(0)
-    if len(days) < 2 or not rises(days) or not ((days >= SERIAL_D[0]) & (days < SERIAL_D[1])).all():
+    if len(days) < 2 or not rises(days) or (np.median(np.diff(days)) >= SERIAL_STEP_D and not is_date_name(column)):
         return None
-    if np.median(np.diff(days)) >= SERIAL_STEP_D and not is_date_name(column):
-        return None
-    says, local = f"days since 1899-12-30 in {time.zone}", LocalClock(time.local)
-    return Serial(
-        says=says, absolute=True, columns=(column,), unit_ns=DAY_NS, origin_ns=SERIAL_NS, step_ns=1000, local=local
-    )
+    own: dict[str, Any] = {"absolute": True, "columns": (column,), "unit_ns": DAY_NS, "local": LocalClock(time.local)}
+    if ((days >= SERIAL_D[0]) & (days < SERIAL_D[1])).all():
+        return Serial(says=f"days since 1899-12-30 in {time.zone}", origin_ns=SERIAL_NS, step_ns=1000, **own)
+    if ((days >= DATENUM_D[0]) & (days < DATENUM_D[1])).all():
+        return Serial(says=f"days as MATLAB counts them in {time.zone}", zero=DATENUM_1970_D, step_ns=10_000, **own)
+    return None
 
 
 def _serial_of_two(time: TimeSpec, named: Sequence[str], dialect: Dialect) -> Clock | None:
@@ -465,14 +485,13 @@ def _with_zone(clock: Stamped, dialect: Dialect) -> Stamped:
 
 def _with_part(clock: Stamped, dialect: Dialect) -> Stamped:
     """The clock with the part of the second that a column of its own holds, where its stamps say whole seconds."""
-    column = next((name for name in dialect.names if digits_of(name) and name not in clock.columns), None)
-    digits = digits_of(column or "")
-    if column is None or not all(0 <= part < 10**digits and part == int(part) for part in _numbers(dialect, column)):
+    column = _part_of_second(clock.columns, dialect)
+    if column is None:
         return clock
     said = [match for cell in _time_cells(clock, dialect) if (match := re.match(clock.pattern, cell))]
     if not all({"S", "f"} <= match.groupdict().keys() and match["S"] and not match["f"] for match in said):
         return clock
-    return replace(clock, columns=(*clock.columns, column), digits=digits)
+    return replace(clock, columns=(*clock.columns, column), digits=digits_of(column))
 
 
 def _is_day_first(said: list[str], columns: tuple[str, ...], dialect: Dialect) -> bool | None:

@@ -23,7 +23,7 @@ def unit_in_cells(column: Sequence[str]) -> str | None:
         return None
     unit = ended[0][3]
     alike = all(_times(match[3], unit) for match in ended)
-    no_name = any(match[2] or len(match[3]) > 1 or re.search("[.,]", match[1]) for match in ended)
+    no_name = any(match[2] or match[3] in "°%" or len(match[3]) > 1 or re.search("[.,]", match[1]) for match in ended)
     no_prefix = any(match[2] for match in ended) or unit not in PREFIXES
     often = len(ended) + sum(cell.endswith(unit) and not NUMBER_AND_REST.fullmatch(cell) for cell in said)
     return unit if alike and no_name and no_prefix and 2 * often > len(said) else None

@@ -406,9 +406,9 @@ def test_units_in_the_cells_are_those_of_their_columns(tmp_path: Path, end: str)
 
 
 def test_units_in_the_cells_may_stand_behind_decimal_commas(tmp_path: Path) -> None:
-    log, _, columns = read(table(tmp_path, "Zeit;T;M [x];U\n0;20,5 °C;1.200,5 Nm;5,0V\n1;21 °C;7 Nm;5,1V\n"))
-    assert (columns["T"], columns["M [x]"], columns["U"]) == ([20.5, 21], [1200.5, 7], [5, 5.1])
-    assert log.units == {"T": "°C", "M [x]": "Nm", "U": "V"}
+    log, _, columns = read(table(tmp_path, "Zeit;T;M [x];U;d\n0;20,5 °C;1.200,5 Nm;5,0V;50%\n1;21 °C;7 Nm;5,1V;5%\n"))
+    assert (columns["T"], columns["M [x]"], columns["U"], columns["d"]) == ([20.5, 21], [1200.5, 7], [5, 5.1], [50, 5])
+    assert log.units == {"T": "°C", "M [x]": "Nm", "U": "V", "d": "%"}
 
 
 @pytest.mark.parametrize(

@@ -203,6 +203,38 @@ def test_times_since_a_start_go_on_after_a_day(tmp_path: Path, cells: str) -> No
     assert t_ns == [86_399 * S_NS, 86_400 * S_NS + S_NS // 2]
 
 
+@pytest.mark.parametrize(
+    ("head", "rows", "wanted"),
+    [
+        ("time_s,ms", "0,0 0,500 1,0 1,250", [0, 500_000_000, S_NS, 1_250_000_000]),
+        (
+            "timestamp,usec",
+            "1709280000,0 1709280000,500000 1709280001,1",
+            [MARCH_NS, MARCH_NS + S_NS // 2, MARCH_NS + S_NS + 1000],
+        ),
+        ("time,nsec", "0,0 0,500000000 1,0", [0, S_NS // 2, S_NS]),
+        ("time_s,time_ms", "0,0 0,500 1,1000 1,1500", [0, 0, S_NS, S_NS]),
+        ("time,ms", "0.0,0 0.5,500 1.0,0", [0, S_NS // 2, S_NS]),
+    ],
+)
+def test_parts_of_a_second_in_a_column_of_their_own_belong_to_whole_seconds(
+    tmp_path: Path, head: str, rows: str, wanted: list[int]
+) -> None:
+    _, t_ns, _ = read(table(tmp_path, f"{head},T\n" + "".join(f"{row},20\n" for row in rows.split())))
+    assert t_ns == wanted
+
+
+def test_days_as_matlab_counts_them_are_dates(tmp_path: Path) -> None:
+    days = [739_312 + (8 * 3600 + k) / 86_400 for k in range(60)]  # datenum(2024, 3, 1)
+    for zone, hours in (("UTC", 0), ("Europe/Berlin", 1)):
+        path = table(tmp_path, "time,T\n" + "".join(f"{day:.9f},20\n" for day in days))
+        log, t_ns, _ = read(path, TimeSpec(zone=zone))
+        assert log.absolute
+        np.testing.assert_allclose(
+            np.array(t_ns) - MARCH_NS, [(k - 3600 * hours) * S_NS for k in range(60)], atol=60_000
+        )
+
+
 @pytest.mark.parametrize("clock", ["140000.25", "080000", "0800"])
 def test_a_short_date_in_digits_is_asked_for_in_words_that_work(tmp_path: Path, clock: str) -> None:
     path = table(tmp_path, f"UTC Date,UTC Time,T\n140325,{clock},20\n140325,{clock},21\n")
