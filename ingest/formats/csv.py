@@ -37,6 +37,7 @@ from ingest.formats._csv_dialect import (
     no_table_of,
     recognise_dialect,
 )
+from ingest.formats._csv_labels import labels_aside
 from ingest.formats._csv_lines import LineReader, Lines
 from ingest.formats._csv_numbers import MISSING, OTHER, Numerals
 from ingest.formats._csv_series import TimedColumns, series_of
@@ -82,7 +83,7 @@ class CsvLog(Log):
                 self.settings["encoding"] = "utf-16"
             lines = self._decoded(block or b"", first=number == 0).split("\n")
             lines = lines[:-1] if not lines[-1] else lines
-            lines = header_in_one_line([self._headed(lines[0]), *lines[1:]]) if number == 0 else held + lines
+            lines = _with_header([self._headed(lines[0]), *lines[1:]]) if number == 0 else held + lines
             begin = self._begin(lines) if number == 0 else 0
             self._lines += begin
             last = next_block is None
@@ -388,8 +389,13 @@ def no_table(path: Path) -> str | None:
     """Why a text does not begin as a table does, with a header and rows that hold numbers; None where it does."""
     block = next(TextFile(path).blocks(), b"")
     text = block.decode("utf-8-sig", errors="replace").replace("\r\n", "\n").lstrip("\0")
-    lines = header_in_one_line(text.split("\n"))
+    lines = _with_header(text.split("\n"))
     return no_table_of([line for line in lines if _is_row(line)][: 2 * SAMPLE_ROWS], path.name)
+
+
+def _with_header(lines: list[str]) -> list[str]:
+    """The first lines of a file with a header in one line."""
+    return labels_aside(header_in_one_line(lines))
 
 
 def _is_row(line: str) -> bool:
