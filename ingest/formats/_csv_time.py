@@ -77,6 +77,7 @@ RATED = re.compile(  # what a line above a table says of its rows
     r"(?i)(?P<name>(?:[a-z]+[ _-]*)?(?:rate|freq|frequency|frequenz|interval|intervall|period)|sampl[a-z]*[ _-]?time"
     r"|abtastzeit|delta[ _]t|dt|hresolution)\W+(?P<value>[\d.,]+(?:e[+-]?\d+)?)\W*(?P<unit>k?hz|[nuµm]?s|sec|min)?\W*"
 )
+POWER_OF_TEN = re.compile(r"[+-]?\d[.,]\d{1,9}[eE]\+0?(?:[5-9]|1\d)")  # 1.74194E+12
 PER_S = {"hz": 1.0, "khz": 1e3}
 SERIAL_D, SERIAL_NS = (36526.0, 73050.0), utc_ns(EPOCH.replace(year=1899, month=12, day=30))  # days of 2000 to 2099
 DATENUM_D, DATENUM_1970_D = (730_486.0, 767_011.0), 719_529.0  # the same as MATLAB counts them, and 1970 there
@@ -143,6 +144,12 @@ def _found(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
             return _stated(time, column, dialect, log)
         if clock := _of_two(time, {f"{time.format} in {time.zone}": pattern}, dialect):
             return clock
+    if rounded := next((name for name in named if _is_rounded(_cells(dialect, name))), None):
+        raise UnreadableLogError(
+            f'{log}: "{rounded}" holds "{_cells(dialect, rounded)[0]}" in several rows: its times were rounded as they '
+            "were saved. Save them again as whole numbers (Excel: format 0; LabVIEW: %.3f), or under [time] of the "
+            "bench file say rate_hz = 1.0 (rows at a fixed rate)."
+        )
     if two := _serial_of_two(time, named, dialect):
         return two
     clocks = [clock for column in named if (clock := _of_named(time, column, dialect))]
@@ -172,7 +179,7 @@ def _found(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
     seen = next((cell for name in texts for cell in _cells(dialect, name) if cell not in MISSING), None)
     holds = f' ("{texts[0]}" holds "{seen[:40]}", which is no whole stamp)' if seen is not None else ""
     instead = f"{way} Or under" if (way := way_out(dialect)) else "Under"
-    days = next((name for name in dialect.names if _of_cells(time, _known(time, DAYS), (name,), dialect)), None)
+    days = next((name for name in dialect.names if _are_days(time, name, dialect)), None)
     column = f'column = "{days}" (its days)' if days else 'column = "..." with format or unit'
     if texts and _most(seconds_of_minutes, _cells(dialect, texts[0])):
         column = 'format = "%H:%M" or format = "%M:%S"'
@@ -180,6 +187,17 @@ def _found(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
         f"{log}: no column is recognised as its time{holds}. {instead} [time] of the bench file say rate_hz = 1.0 "
         f"(rows at a fixed rate), or {column}."
     )
+
+
+def _are_days(time: TimeSpec, column: str, dialect: Dialect) -> bool:
+    """Whether a column holds days alone: 08.00.00 has their form, and is none."""
+    clock = _of_cells(time, _known(time, DAYS), (column,), dialect)
+    return clock is not None and not deepcopy(clock).t_ns(_time_cells(clock, dialect), NO_RECORD)[1].all()
+
+
+def _is_rounded(said: Sequence[str]) -> bool:
+    """Whether times are all written as powers of ten, and come again as they have too few digits for their size."""
+    return len(set(said)) < len(said) and all(POWER_OF_TEN.fullmatch(cell) for cell in said)
 
 
 def _first_in_seconds(time: TimeSpec, dialect: Dialect) -> Clock | None:

@@ -90,6 +90,22 @@ def test_a_table_without_time_is_refused_with_both_ways_out(tmp_path: Path) -> N
     )
 
 
+@pytest.mark.parametrize("cells", ["1.74194E+12 1.74194E+12", "1.741939E+09 1.741939E+09 1.741940E+09"])
+def test_times_that_were_rounded_when_they_were_saved_are_refused(tmp_path: Path, cells: str) -> None:
+    path = table(tmp_path, "timestamp,T\n" + "".join(f"{cell},20\n" for cell in cells.split()))
+    with pytest.raises(
+        UnreadableLogError, match=r'"timestamp" holds "1\.7419\d+E\+\d+" in several rows: its times were'
+    ):
+        read(path)
+    assert read(path, TimeSpec(rate_hz=1.0))[1][:2] == [0, S_NS]
+
+
+def test_a_time_of_day_with_dots_is_not_offered_as_a_day(tmp_path: Path) -> None:
+    with pytest.raises(UnreadableLogError, match=r'"Uhrzeit" holds "08\.00\.00"') as refusal:
+        read(table(tmp_path, "Uhrzeit;T\n08.00.00;20,5\n08.00.01;20,6\n"))
+    assert "(its days)" not in str(refusal.value)
+
+
 def test_a_date_without_a_clock_is_shown_in_the_refusal(tmp_path: Path) -> None:
     path = table(tmp_path, "Time,T\n2024-03-01,20\n2024-03-02,21\n")
     with pytest.raises(UnreadableLogError, match=r'\("Time" holds "2024-03-01", which is no whole stamp\)'):
