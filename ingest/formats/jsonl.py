@@ -2,7 +2,8 @@
 
 The names of all objects are the columns (`motor.T` of an object in an object), a row is empty where its object lacks
 one. Numbers are those of the text, true is 1 and false 0; what a text holds (stamps, numbers) is recognised as in CSV,
-and so are long tables. Lists are left out and named. A line that is no object is rejected.
+and so are long tables. Lists of up to 64 are a column for each place (`phases.0`), longer ones left out and named. A
+line that is no object is rejected.
 """
 
 from __future__ import annotations
@@ -18,7 +19,9 @@ from ingest.formats._text import TextFile, decoded, place_of
 from ingest.formats.csv import CsvLog
 
 MOST_NAMES = 5000
+MOST_PLACES = 64  # of a list
 PLAIN = {None: "", True: "1", False: "0"}
+NO_NUMBER = {"NaN": "", "Infinity": "", "-Infinity": ""}  # as Python writes what JSON cannot say
 
 
 @dataclass
@@ -57,7 +60,7 @@ class _ObjectText(TextFile):
     def _cells(self, line: bytes) -> dict[str, str] | None:
         """What the object in a line holds; None where there is none."""
         try:
-            found = json.loads(decoded(line), parse_int=str, parse_float=str, parse_constant=str)
+            found = json.loads(decoded(line), parse_int=str, parse_float=str, parse_constant=NO_NUMBER.get)
             return dict(self._flat(found)) if isinstance(found, dict) and found else None
         except (ValueError, RecursionError):
             return None
@@ -66,6 +69,8 @@ class _ObjectText(TextFile):
         for name, value in found.items():
             if isinstance(value, dict):
                 yield from self._flat(value, f"{within}{name}.")
+            elif isinstance(value, list) and len(value) <= MOST_PLACES:
+                yield from self._flat({f"{name}.{place}": one for place, one in enumerate(value)}, within)
             elif isinstance(value, list):
                 self.lists[within + name] = None
             else:

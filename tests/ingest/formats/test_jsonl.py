@@ -28,18 +28,26 @@ def objects(folder: Path, *given: Mapping[str, Any] | str) -> Path:
 def test_objects_are_rows_and_their_names_columns(tmp_path: Path) -> None:
     path = objects(
         tmp_path,
-        {"t": AT_S, "motor": {"T_Rücken": 20.5, "n": 1e3}, "on": True, "note": 'a\t"b"; c', "phases": [1, 2]},
+        {"t": AT_S, "motor": {"T_Rücken": 20.5, "n": 1e3}, "on": True, "note": 'a\t"b"; c', "phases": [1, {"I": 2}]},
         {"t": AT_S + 0.5, "motor": {"T_Rücken": None, "n": -2}, "on": False},
-        {"t": AT_S + 1, "late": "7"},
+        {"t": AT_S + 1, "late": "7", "wave": [0] * 65, "spans": []},
     )
     log, t_ns, columns = read(path)
     assert t_ns == [AT_S * S_NS, AT_S * S_NS + S_NS // 2, (AT_S + 1) * S_NS]
-    assert (log.absolute, log.found, list(log.rejected), log.settings["left_out"]) == (True, 3, [], ["phases"])
+    assert (log.absolute, log.found, list(log.rejected), log.settings["left_out"]) == (True, 3, [], ["wave"])
     nan = np.nan
     wanted = {"motor.T_Rücken": [20.5, nan, nan], "motor.n": [1000, -2, nan], "on": [1, 0, nan], "late": [nan, nan, 7]}
+    wanted |= {"phases.0": [1, nan, nan], "phases.1.I": [2, nan, nan]}
     for name, values in wanted.items():
         np.testing.assert_array_equal(columns[name], values)
     assert columns["note"] == ['a "b"; c', "", ""]
+
+
+def test_what_json_cannot_say_is_a_missing_number(tmp_path: Path) -> None:
+    rows = ('{"t": 0, "T": 20}', '{"t": 1, "T": NaN}', '{"t": 2, "T": -Infinity}', '{"t": 3, "T": 21}')
+    log, _, columns = read(objects(tmp_path, *rows))
+    np.testing.assert_array_equal(columns["T"], [20, np.nan, np.nan, 21])
+    assert list(log.rejected) == []
 
 
 def test_a_message_a_line_is_a_channel_for_each_topic(tmp_path: Path) -> None:
