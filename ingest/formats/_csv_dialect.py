@@ -109,6 +109,8 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
         header.append("")
         if len(rows[0]) == len(header) - 1:  # units, which end as the names do
             rows[0].append("")
+    elif not header[-1] and 2 * sum(len(row) == len(header) - 1 for row in rows) > len(rows):
+        header.pop()  # names that end with a delimiter above rows that do not
     _check_header(header, rows, delimiter, log)
     fitting = [tuple(cell.strip() for cell in row) for row in rows if len(row) == len(header)]
     names, renamed = unique(header)

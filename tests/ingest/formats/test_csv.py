@@ -229,6 +229,11 @@ def test_a_delimiter_at_the_end_of_each_row_is_a_column_without_name(tmp_path: P
     assert not log.rejected
 
 
+def test_a_delimiter_at_the_end_of_the_names_alone_makes_no_column(tmp_path: Path) -> None:
+    log, _, columns = read(table(tmp_path, "time;T;\ns;°C\n0;20\n1;21\n2;22\n"))
+    assert (columns, log.units, list(log.rejected)) == ({"T": [20, 21, 22]}, {"time": "s", "T": "°C"}, [])
+
+
 def test_decimal_commas_between_commas_are_refused_with_what_to_do(tmp_path: Path) -> None:
     path = table(tmp_path, "t,T,n\n0,5,20,5,1\n1,5,21,5,1\n")
     with pytest.raises(UnreadableLogError) as refused:
