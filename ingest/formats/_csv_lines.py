@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -94,8 +94,9 @@ class LineReader:
 
     def _singly(self, lines: list[str], places: list[int], bad: dict[int, tuple[str, str]]) -> Iterator[Lines]:
         rows: list[tuple[int, list[float | str]]] = []
+        ends = self._ends()
         for place in places:
-            row = self._row(lines[place])
+            row = self._row(lines[place], ends)
             if isinstance(row, tuple):
                 bad[place] = row
             else:
@@ -106,14 +107,19 @@ class LineReader:
             arrays = tuple(np.array(values, kind) for values, kind in zip(columns, kinds, strict=True))
             yield Lines(np.array([place for place, _ in rows]), arrays)
 
-    def _row(self, line: str) -> list[float | str] | tuple[str, str]:
+    def _row(self, line: str, ends: Sequence[str]) -> list[float | str] | tuple[str, str]:
         """The values of one line, or (column, why it cannot be read)."""
         row = cells(line, self.dialect.delimiter)
         if len(row) != len(self.numeric):
             return "", f"has {len(row):,} field{'s' * (len(row) != 1)} where the header has {len(self.numeric):,}"
         values: list[float | str] = []
-        for name, cell, numeric, end in zip(self.dialect.names, row, self.numeric, self._ends(), strict=True):
-            value = _csv_units.value(cell.strip(), end, self.dialect.numerals) if numeric else cell
+        for name, cell, numeric, end in zip(self.dialect.names, row, self.numeric, ends, strict=True):
+            if not numeric:
+                value: float | str | None = cell
+            elif end:
+                value = _csv_units.value(cell.strip(), end, self.dialect.numerals)
+            else:
+                value = self.dialect.numerals.value(cell)
             if value is None:
                 return name, f'text "{cell.strip()[:SHOWN]}" where numbers are'
             values.append(value)
