@@ -29,6 +29,8 @@ _PLACE_WORDS = {  # place -> words for it, short ones, German, Italian, French a
     "yoke": "joch|giogo|culasse|culata",
     "tooth": "zahn|dente|dents?|diente",
 }
+_OVEN_OR_4 = "four"  # in French and in English
+_NUMBERS = {"one", "two", "three", "five", "seven", "eight"}  # which tell that it is 4
 _NO_PLACE = "t|tc|tmp|temp(eratur[ae]?)?"  # where a name begins with it, and says the place behind it
 
 _HEAD = """\
@@ -82,7 +84,9 @@ def draft_bench(
     parts += [_entry(found[one], one, str(known[one]), found[one] in rivals) for one in inputs]
     parts += [_phase_current(found, known, directory)]
     parts += [_NODES if places else ""]
-    parts += [_entry(found[one], one, "temperature", False) for one in places]
+    numbered = any(not _NUMBERS.isdisjoint(_words(one.name)) for one in signals)
+    nodes = {one: _node(_without_unit(found[one].name), numbered) for one in places}
+    parts += [_entry(found[one], one, "temperature", False, node) for one, node in nodes.items()]
     said = (*settings.get("labels", {}).values(), settings.get("days"))
     left = [one for reference, one in found.items() if reference not in known and (one.message or one.name not in said)]
     return "".join([*parts, *_rest(left)])
@@ -120,7 +124,7 @@ def _reference(signal: Signal, directory: Directory) -> str | None:
     return next((name for name in fits if not re.search("[\ud800-\udfff]", name)), None)
 
 
-def _entry(signal: Signal, reference: str, quantity: str, shared: bool) -> str:
+def _entry(signal: Signal, reference: str, quantity: str, shared: bool, node: str = "") -> str:
     unit, peak, doubt = _unit(signal, quantity)
     lines = [
         "[[channel]]",
@@ -130,8 +134,8 @@ def _entry(signal: Signal, reference: str, quantity: str, shared: bool) -> str:
     ]
     if quantity in PEAK:
         lines.append(_convention(peak))
-    if quantity == "temperature":
-        lines.append(f'node = "{_node(_without_unit(signal.name))}"')
+    if node:
+        lines.append(f'node = "{node}"')
     return "\n" + "\n".join(lines) + "\n"
 
 
@@ -180,13 +184,19 @@ def _without_unit(name: str) -> str:
     return bare.removesuffix(f"({unit})").removesuffix(f"_{unit}").strip() or name
 
 
-def _node(name: str) -> str:
-    """ "T_EndWinding.A" -> "endwinding_a", "T_Kühlw_ein" -> "coolant_ein": a node name, from the words of a signal."""
+def _words(name: str) -> list[str]:
+    """The words of a name in plain letters: "T_Rücken" -> t, ruecken."""
     plain = normalize("NFKD", words(normalize("NFC", name)).translate(_SPELT)).encode("ascii", "ignore").decode()
-    kept = [word for word in plain.split("_") if word]
+    return [word for word in plain.split("_") if word]
+
+
+def _node(name: str, numbered: bool) -> str:
+    """ "T_EndWinding.A" -> "endwinding_a", "T_Kühlw_ein" -> "coolant_ein": a node name, from the words of a signal;
+    `numbered`: `four` is 4."""
+    kept = _words(name)
     if len(kept) > 1 and re.fullmatch(_NO_PLACE, kept[0]):
         kept = kept[1:]
-    node = "_".join(_place_of(word) for word in kept)
+    node = "_".join(word if numbered and word == _OVEN_OR_4 else _place_of(word) for word in kept)
     return node if node and node[0].isalpha() else f"node_{node}".rstrip("_")
 
 

@@ -121,9 +121,9 @@ def _at_standstill(channels: Sequence[ChannelData], why: str) -> tuple[str, str]
         (hot,), measured = each_second([hottest], block_s)
         return (
             "ageing",
-            f"{seconds((measured & (hot > peak - 10)).sum() * block_s)} within 10 K of {peak:.0f} degC, and {why}",
+            f"{seconds((measured & (hot > peak - 10)).sum() * block_s)} within 10 K of {peak:.0f} °C, and {why}",
         )
-    return "other", f"temperatures only, none above {peak:.0f} degC, and {why}"
+    return "other", f"temperatures only, none above {peak:.0f} °C, and {why}"
 
 
 def _wltp(trace: _Trace) -> tuple[str, str] | None:

@@ -14,6 +14,7 @@ from ingest.catalogue.quality import seconds
 from ingest.facts.events import COUNTS
 from ingest.texts.names import handle
 from ingest.texts.plain import plain_line
+from ingest.texts.units import as_written
 
 NONE = "–"
 LEAST = 8  # characters that a text in a table is cut to at most
@@ -146,7 +147,7 @@ def _channels(one: SessionDescription, width: int) -> list[str]:
     head = ("name", "quantity", "unit", "node", "rate", "low", "high", "noise", "gaps", "held")
     rows = [
         (
-            *(channel.name, channel.quantity or NONE, channel.unit or NONE),
+            *(channel.name, channel.quantity or NONE, as_written(channel.unit or NONE)),
             "(ignored)" if channel.role == "ignored" else channel.node or NONE,
             NONE if channel.rate_Hz is None else f"{channel.rate_Hz:.3g} Hz",
             *(_number(channel.low), _number(channel.high), NONE if channel.noise is None else f"{channel.noise:.2g}"),

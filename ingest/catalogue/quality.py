@@ -16,6 +16,10 @@ Of the held runs one is
 - stuck, where it lasts to the end of the file or for 10 minutes and more,
 - held otherwise: the last value before a dropout, repeated.
 
+Where three channels and more of a file, and two thirds of those whose noise is well above their step, are held from
+the same stamp to the same stamp, the record repeats and no sensor does: a logger writes its first row until it is
+triggered, or its last one once it has lost its source. Nothing else need move meanwhile, and it is said once for all.
+
 An input is never called saturated, and nothing of it is masked: a set point that is kept and a sensor that is stuck
 look the same, and the bench really ran at one of them. It is said all the same, for a person to judge.
 """
@@ -23,7 +27,7 @@ look the same, and the bench really ran at one of them. It is said all the same,
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -41,6 +45,10 @@ RESOLUTIONS = 10.0  # that another channel must move
 GENTLY = 10.0  # typical steps between neighbours, with which a clipped signal may leave its limit
 STICKS = 3  # times held at one value
 SET_BY_HAND = ("state", "histogram", "speed_command", "torque_command")  # repeat by their nature: no sensor behind them
+WITH = 3  # channels that are held together, at least
+MOST = 2 / 3  # of those that are fine enough to tell
+FINE = 2.0  # steps in a channel's noise: it never repeats for long
+OF_NO_SENSOR = ("gap", "record_repeated")  # flags of what no sensor is to blame for
 GAP_MEDIANS = 5.0
 GAP_NS = 1_000_000_000  # a shorter one is jitter of the bus: no motor warms within it
 
@@ -65,6 +73,25 @@ class RepeatedSamples(Lapse):
     first: int
     last: int
     value: float  # stored unit
+    together: bool = False  # with most others of its file: the record repeats, not the sensor
+
+
+@dataclass(frozen=True)
+class _Run:
+    """Samples `first` to `last` of a channel that are equal, which chance does not explain; from the file `raw`."""
+
+    raw: str
+    start_ns: int
+    end_ns: int
+    first: int
+    last: int
+    kind: str
+    value: float
+
+    @property
+    def span(self) -> tuple[str, int, int]:
+        """Where it lies: equal for runs that begin and end with the same records."""
+        return self.raw, self.start_ns, self.end_ns
 
 
 @dataclass(frozen=True)
@@ -92,15 +119,18 @@ class ChannelQuality:
 def assess(channels: Sequence[ChannelData]) -> list[ChannelQuality]:
     """The quality of every channel, in the order given; the others of its file tell whether a repeat is healthy."""
     least = [_least_movement(channel) for channel in channels]
-    return [_assess(channel, channels, least) for channel in channels]
+    runs = [_runs(channel) for channel in channels]
+    together = _together(channels, runs)
+    return [_assess(one, own, together, channels, least) for one, own in zip(channels, runs, strict=True)]
 
 
 def findings(qualities: Sequence[ChannelQuality]) -> list[QualityFlagged]:
-    """What a person should look at: one flag a channel and kind of stretch (of an input one for all), one for its gaps.
+    """What a person should look at: one flag a channel and kind of stretch (of an input one for all), one for its gaps;
+    one for all channels that are held together.
 
     Ignored channels have none.
     """
-    found: list[QualityFlagged] = []
+    found = [*_records_repeated(qualities)]
     for quality in (one for one in qualities if one.role != "ignored"):
         found += _constant(quality) if quality.role == "input" else _masked(quality)
         if quality.gaps:
@@ -129,10 +159,23 @@ def noise_of(value: NDArray[np.float64]) -> float | None:
     return float(bend[: int(0.9 * len(bend))].mean() / (0.65735 * np.sqrt(6.0)))
 
 
-def _assess(channel: ChannelData, channels: Sequence[ChannelData], least: Sequence[float | None]) -> ChannelQuality:
+def _assess(
+    channel: ChannelData,
+    runs: Sequence[_Run],
+    together: Collection[tuple[str, int, int]],
+    channels: Sequence[ChannelData],
+    least: Sequence[float | None],
+) -> ChannelQuality:
     t_ns, value = channel.t_ns, channel.value
     median = channel.median_ns
-    held = _held(channel, channels, least)
+    held = sticking(
+        [
+            RepeatedSamples(one.start_ns, one.end_ns, one.kind, one.first, one.last, one.value, one.span in together)
+            for one in runs
+            if one.span in together or _others_move(channel, one, channels, least)
+        ],
+        channel.spec.role,
+    )
     good = np.ones(len(value), dtype=np.bool_)
     for stretch in held if channel.spec.role != "input" else ():
         good[stretch.first + (stretch.kind != "saturated") : stretch.last + 1] = False
@@ -171,9 +214,8 @@ def _least_movement(channel: ChannelData) -> float | None:
     return RESOLUTIONS * max(step, noise_of(channel.value) or 0.0) if step else None
 
 
-def _held(
-    channel: ChannelData, channels: Sequence[ChannelData], least: Sequence[float | None]
-) -> list[RepeatedSamples]:
+def _runs(channel: ChannelData) -> list[_Run]:
+    """The runs of equal samples of a channel that chance does not explain, file by file."""
     if channel.spec.quantity in SET_BY_HAND:
         return []
     found = []
@@ -181,15 +223,29 @@ def _held(
         index = np.flatnonzero(channel.raw == raw)
         t_ns, value = channel.t_ns[index], channel.recorded[index]
         for first, last in _improbable(t_ns, value):
-            span = slice(t_ns[first], t_ns[last])
-            at_zero = value[first] == 0.0 and channel.spec.role != "observed"
-            if not at_zero and _others_move(channel, channel.raws[raw], span, channels, least):
-                clipped = channel.spec.role != "input" and _clipped(value, first, last)
-                lasting = last == len(t_ns) - 1 or t_ns[last] - t_ns[first] >= STUCK_NS
-                kind = "saturated" if clipped else "stuck" if lasting else "held"
-                a, b = int(index[first]), int(index[last])
-                found.append(RepeatedSamples(int(span.start), int(span.stop), kind, a, b, float(value[first])))
-    return sticking(found, channel.spec.role)
+            if value[first] == 0.0 and channel.spec.role != "observed":
+                continue
+            clipped = channel.spec.role != "input" and _clipped(value, first, last)
+            lasting = last == len(t_ns) - 1 or t_ns[last] - t_ns[first] >= STUCK_NS
+            kind = "saturated" if clipped else "stuck" if lasting else "held"
+            begin, end = int(t_ns[first]), int(t_ns[last])
+            ends = int(index[first]), int(index[last])
+            found.append(_Run(channel.raws[raw], begin, end, *ends, kind, float(value[first])))
+    return found
+
+
+def _together(channels: Sequence[ChannelData], runs: Sequence[Sequence[_Run]]) -> set[tuple[str, int, int]]:
+    """Where runs lie that most channels of a file share, of those that are fine enough to tell."""
+    fine = [_is_fine(channel) for channel in channels]
+    often = Counter(run.span for own, told in zip(runs, fine, strict=True) if told for run in own if run.value != 0.0)
+    telling = Counter(raw for one, told in zip(channels, fine, strict=True) if told for raw in one.raws)
+    return {span for span, count in often.items() if count >= max(WITH, MOST * telling[span[0]])}
+
+
+def _is_fine(channel: ChannelData) -> bool:
+    """Whether the noise of a channel is well above its step."""
+    step, own = step_of(channel.recorded), noise_of(channel.recorded)
+    return bool(step and own and own >= FINE * step)
 
 
 def _improbable(t_ns: NDArray[np.int64], value: NDArray[np.float64]) -> list[tuple[int, int]]:
@@ -233,14 +289,14 @@ def _on_sides(
 
 
 def _others_move(
-    channel: ChannelData, raw: str, span: slice, channels: Sequence[ChannelData], least: Sequence[float | None]
+    channel: ChannelData, run: _Run, channels: Sequence[ChannelData], least: Sequence[float | None]
 ) -> bool:
-    """Whether another channel of the file `raw` moves by more than its least movement within the stamps of `span`."""
+    """Whether another channel of its file moves by more than its least movement within the stamps of a run."""
     for other, movement in zip(channels, least, strict=True):
-        if other is channel or movement is None or raw not in other.raws:
+        if other is channel or movement is None or run.raw not in other.raws:
             continue
-        a, b = np.searchsorted(other.t_ns, span.start), np.searchsorted(other.t_ns, span.stop, side="right")
-        value = other.value[a:b][other.raw[a:b] == other.raws.index(raw)]
+        a, b = np.searchsorted(other.t_ns, run.start_ns), np.searchsorted(other.t_ns, run.end_ns, side="right")
+        value = other.value[a:b][other.raw[a:b] == other.raws.index(run.raw)]
         if len(value) and np.ptp(value) > movement:
             return True
     return False
@@ -254,15 +310,27 @@ def _clipped(value: NDArray[np.float64], first: int, last: int) -> bool:
     return bool(max(step[first - 1], step[last]) <= GENTLY * np.median(step[step > 0.0]))
 
 
+def _records_repeated(qualities: Sequence[ChannelQuality]) -> Iterator[QualityFlagged]:
+    """A flag for the channels that are held together."""
+    of = {one.name: [x for x in one.stretches if x.together] for one in qualities if one.role != "ignored"}
+    names = [name for name, some in of.items() if some]
+    if names:
+        spans = {(x.start_ns, x.end_ns): x for some in of.values() for x in some}
+        how = "as a logger does that waits for its trigger or has lost its source: temperatures masked"
+        what = f"{', '.join(names[:2])} and {len(names) - 2} more" if names[2:] else " and ".join(names)
+        says = f"one record is repeated for {_times([*spans.values()])} ({what}), {how}"
+        yield replace(_flag(", ".join(names), "record_repeated", "", [*spans.values()]), says=says)
+
+
 def _masked(quality: ChannelQuality) -> Iterator[QualityFlagged]:
     for kind in ("saturated", "stuck", "held"):
-        if some := [stretch for stretch in quality.stretches if stretch.kind == kind]:
+        if some := [stretch for stretch in quality.stretches if stretch.kind == kind and not stretch.together]:
             how = "holds its last value" if kind == "held" else f"is {kind} at {some[0].value:,.6g}"
             yield _flag(quality.name, kind, f"{how} for {_times(some)}: masked", some)
 
 
 def _constant(quality: ChannelQuality) -> Iterator[QualityFlagged]:
-    if some := quality.stretches:
+    if some := [stretch for stretch in quality.stretches if not stretch.together]:
         kind = "stuck" if "stuck" in {one.kind for one in some} else "held"
         at = f" at {some[0].value:,.6g}" if len({one.value for one in some}) == 1 else ""
         yield _flag(quality.name, kind, f"is constant{at} for {_times(some)} (used as it stands)", some)

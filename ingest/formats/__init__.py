@@ -246,6 +246,7 @@ CANDUMP = (  # as it is written, and as it is shown
     rb"(?m)^ ?\((?:\d{4}-\d\d-\d\d \d\d:\d\d:\d\d|\d+)\.\d+\)\s+\S+\s+"
     rb"(?:[RT]X \S \S +)?[0-9A-Fa-f]{3,8}(?:#| +\[\d+\] )"
 )
+OBJECTS = rb'\A\s*\{\s*"[^\n]*\}\s*\n\s*\{\s*"'  # a line each
 FRAME_WAY = rb"\s[RT]x\s"  # received or sent: on each line of a log of frames that is known by its name alone
 FORMATS: tuple[Format, ...] = (
     Format("blf", "frames", (".blf",), b"LOGG", "ingest.formats.blf"),
@@ -266,6 +267,7 @@ FORMATS: tuple[Format, ...] = (
     Format("mcap", "rows", (".mcap",), b"\x89MCAP0\r\n", "ingest.formats.mcap"),
     Format("atfx", "rows", (".atfx",), b"", "ingest.formats.atfx", rb"<atfx_file[\s>]"),
     Format("lvm", "rows", (".lvm",), b"LabVIEW Measurement", "ingest.formats.lvm"),
+    Format("jsonl", "rows", (".jsonl", ".ndjson"), b"", "ingest.formats.jsonl", OBJECTS),
     Format("xlsx", "rows", (".xlsx", ".xlsm"), b"PK\x03\x04", "ingest.formats.xlsx"),
     Format("csv", "rows", (".csv", ".csv.gz", ".txt", ".tsv", ".log"), b"", "ingest.formats.csv"),
 )
@@ -273,6 +275,7 @@ ANY_TEXT = FORMATS[-1]  # what a text is taken for that looks like no other
 HEAD = 4096  # bytes that tell what a file is
 LONGEST_FIRST = 64 << 20  # bytes of a first line, below which is looked
 SECTOR = bytes(512)  # zeros, as a disk gives them back where nothing was written, or what was is lost
+UNMARKED = {rb"(?:[\t\r\n -~]\0){4}": "utf-16-le", rb"(?:\0[\t\r\n -~]){4}": "utf-16-be"}  # first letters
 CONTROLS = bytes({*range(32)} - set(b"\t\n\r\f"))  # which a text does not hold
 ENDS = dict.fromkeys(suffix for entry in FORMATS for suffix in entry.suffixes)  # of names, each once
 SUFFIXES = " ".join(ENDS)  # as help and refusals list them
@@ -326,9 +329,16 @@ def head_of(path: Path) -> bytes:
         with suppress(zlib.error):
             head = zlib.decompressobj(wbits=31).decompress(head, HEAD)
     head = head.removeprefix(codecs.BOM_UTF8)
-    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        head = head.decode("utf-16", errors="replace").encode()
+    if encoding := utf_16(head):
+        head = head.decode(encoding, errors="replace").encode(errors="replace")
     return head
+
+
+def utf_16(head: bytes) -> str | None:
+    """The encoding of a text in UTF-16: by its mark, else by the zeros beside its first letters; None for any other."""
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    return next((encoding for letters, encoding in UNMARKED.items() if re.match(letters, head)), None)
 
 
 def _below_first_line(path: Path) -> bytes:

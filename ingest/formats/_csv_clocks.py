@@ -66,11 +66,15 @@ class Counted(Clock):
     begins anew goes on."""
 
     unit_ns: float
+    parts: float = 1.0  # of a second, of which the last of two columns counts how many are to be added
     zero: float = 0.0
     origin_ns: int = 0
     step_ns: int = 1
     _wraps: int = field(default=0, init=False)
     _last: float = field(default=np.nan, init=False)
+
+    def cells(self, columns: Sequence[NDArray[Any]]) -> NDArray[Any]:
+        return columns[0] if len(columns) == 1 else np.asarray(columns[0] + columns[1] / self.parts)
 
     def t_ns(self, cells: NDArray[Any], record: Ints) -> tuple[Ints, Flags]:
         steps = (self._unwrapped(cells) - self.zero) * (self.unit_ns / self.step_ns)
@@ -116,9 +120,6 @@ class SerialOfTwo(Serial):
 
     step_ns: int = 1000
 
-    def cells(self, columns: Sequence[NDArray[Any]]) -> NDArray[Any]:
-        return np.asarray(columns[0] + columns[1])
-
 
 @dataclass(kw_only=True)
 class OfDay(Clock):
@@ -126,6 +127,7 @@ class OfDay(Clock):
     than half a turn, which is a day, has begun the next one."""
 
     origin_ns: int = 0
+    called: ClassVar[str] = "time of day"
     turn_s: ClassVar[float] = DAY_S
     is_text: bool = field(default=True, init=False)
     _turns: int = field(default=0, init=False)
@@ -150,22 +152,41 @@ class OfDay(Clock):
 class OfHour(OfDay):
     """Minutes and seconds, all that is left of a time of day which a spreadsheet shows so and saves as shown."""
 
+    called = "minutes and seconds"
     turn_s = 3600.0
 
     def seconds(self, cell: str) -> float:
         return seconds_of_hour(cell)
 
 
+class OfMinutes(OfDay):
+    """Hours and minutes of a day, as recorders write that have a row a minute."""
+
+    called = "hours and minutes"
+
+    def seconds(self, cell: str) -> float:
+        return seconds_of_minutes(cell)
+
+
+class OfDigits(OfDay):
+    """Hours, minutes and seconds as one number, 140507.25."""
+
+    called = "time of day in digits"
+
+    def seconds(self, cell: str) -> float:
+        return seconds_of_digits(cell)
+
+
 OF_DAY = re.compile(
-    rf"(?:(?P<days>\d{{1,4}}) days? )?(\d{{1,4}}):(\d{{2}}):(\d{{2}})(?:[.,:](\d{{1,9}}))?"
+    rf"(?:(?P<days>\d{{1,4}})(?:\.| ?d(?:ays?)?,? ))?(\d{{1,4}}):(\d{{2}}):(\d{{2}})(?:[.,:](\d{{1,9}}))?"
     rf"(?:{BLANK}?([AaPp])\.?{BLANK}?[Mm]\.?)?",
     re.ASCII,
 )
 
 
 def seconds_of_day(cell: str) -> float:
-    """Seconds of `14:02:07.5`, `02:02:07 PM` or, counted from a start, `100:06:40` and `4 days 04:06:40`, as pandas
-    writes it; NaN where it is none."""
+    """Seconds of `14:02:07.5`, `02:02:07 PM` or, counted from a start, `100:06:40`, `4 days 04:06:40`, as pandas writes
+    it, and `4.04:06:40`, as .NET does; NaN where it is none."""
     match = OF_DAY.fullmatch(cell.strip())
     if match is None:
         return float("nan")
@@ -184,6 +205,25 @@ def seconds_of_hour(cell: str) -> float:
     """Seconds of `07:30.5`, minutes and seconds; NaN where it is none."""
     match = OF_HOUR.fullmatch(cell.strip())
     return int(match["minutes"]) * 60 + float(match["seconds"].replace(",", ".")) if match else float("nan")
+
+
+MINUTES = re.compile(r"\s*\d{1,2}:\d\d(?![:.,\d])", re.ASCII)
+
+
+def seconds_of_minutes(cell: str) -> float:
+    """Seconds of `14:02` and `02:02 PM`, hours and minutes; NaN where it is none."""
+    return seconds_of_day(MINUTES.sub(r"\g<0>:00", cell, count=1)) if MINUTES.match(cell) else float("nan")
+
+
+DIGITS = re.compile(r"([01]?\d|2[0-3])([0-5]\d)([0-5]\d(?:[.,]\d{1,9})?)", re.ASCII)
+
+
+def seconds_of_digits(cell: str) -> float:
+    """Seconds of `140507.25`, hours, minutes and seconds in one number; NaN where it is none."""
+    match = DIGITS.fullmatch(cell.strip())
+    if match is None:
+        return float("nan")
+    return int(match[1]) * 3600 + int(match[2]) * 60 + float(match[3].replace(",", "."))
 
 
 def carried(dates: Iterable[str], before: str = "") -> list[str]:
@@ -207,6 +247,7 @@ class Stamped(Clock):
     pattern: str
     local: LocalClock
     digits: int = 0  # of the part of the second that the last of the columns holds: 3 where it is milliseconds
+    zoned: bool = False  # the last of them, behind that, holds the zone
     sparse_dates: bool = False  # the first of them holds a date where it is another one, as ALMEMO writes it
     is_text: bool = field(default=True, init=False)
     _day: str = field(default="", init=False)  # the date that was said last
@@ -215,11 +256,12 @@ class Stamped(Clock):
         if self.sparse_dates and len(columns[0]):
             days = carried(columns[0].tolist(), self._day)
             self._day, columns = days[-1], [np.array(days, object), *columns[1:]]
-        stamps = super().cells(columns[: len(columns) - (self.digits > 0)])
-        if not self.digits:
-            return stamps
-        both = zip(stamps, columns[-1], strict=True)
-        return np.array([f"{one}.{part.strip():0>{self.digits}}" for one, part in both], object)
+        own = columns[: len(columns) - self.zoned - (self.digits > 0)]
+        stamps = super().cells(own)
+        if self.digits:
+            both = zip(stamps, columns[len(own)], strict=True)
+            stamps = np.array([f"{one}.{part.strip():0>{self.digits}}" for one, part in both], object)
+        return joined(stamps, columns[-1]) if self.zoned else stamps
 
     def t_ns(self, cells: NDArray[Any], record: Ints) -> tuple[Ints, Flags]:
         return parse(cells, self.pattern, self.local)

@@ -8,13 +8,14 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import _csv_numbers
 from ingest.formats._csv_numbers import MISSING, Numerals
 from ingest.formats._csv_stamps import is_stamp
+from ingest.formats._csv_units import bare, unit_in_cells
 from ingest.texts.names import each_once
 from ingest.texts.units import normal_unit
 
@@ -34,7 +35,8 @@ UNIT_WORDS = ("unit", "units", "einheit", "einheiten", "unità")  # that head a 
 @dataclass(frozen=True)
 class Dialect:
     """How a table is written. `names` are unique; `numeric`: which columns hold numbers, None: empty as yet;
-    `lines_above`: those with text above the header; `rows` gives all rows of the table, cell by cell."""
+    `in_cells`: the units that stand in the cells of a column, which `sample` leaves out; `lines_above`: those with text
+    above the header; `rows` gives all rows of the table, cell by cell."""
 
     delimiter: str
     numerals: Numerals
@@ -45,6 +47,7 @@ class Dialect:
     renamed: dict[str, list[str]]  # as the header says it -> as it is called here
     sample: tuple[tuple[str, ...], ...]  # the first rows that fit, cell by cell
     lines_above: tuple[str, ...] = ()
+    in_cells: Mapping[str, str] = field(default_factory=dict)
     rows: Callable[[], Iterable[Sequence[str]]] = tuple
 
     def renamed_as(self, name: Callable[[str, str | None, bool], str]) -> Dialect:
@@ -53,7 +56,8 @@ class Dialect:
         names = {one: name(one, self.units.get(one), numeric is False) for one, numeric in kinds}
         units = {names[one]: unit for one, unit in self.units.items()}
         renamed = {said: [names[one] for one in called] for said, called in self.renamed.items()}
-        return replace(self, names=tuple(names.values()), units=units, renamed=renamed)
+        in_cells = {names[one]: unit for one, unit in self.in_cells.items()}
+        return replace(self, names=tuple(names.values()), units=units, renamed=renamed, in_cells=in_cells)
 
 
 def cells(line: str, delimiter: str) -> list[str]:
@@ -105,16 +109,23 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
         header.append("")
         if len(rows[0]) == len(header) - 1:  # units, which end as the names do
             rows[0].append("")
+    elif not header[-1] and 2 * sum(len(row) == len(header) - 1 for row in rows) > len(rows):
+        header.pop()  # names that end with a delimiter above rows that do not
     _check_header(header, rows, delimiter, log)
     fitting = [tuple(cell.strip() for cell in row) for row in rows if len(row) == len(header)]
-    numerals = _csv_numbers.recognise((cell for row in fitting for cell in row), delimiter)
     names, renamed = unique(header)
+    columns = zip(names, zip(*fitting, strict=True), strict=False)
+    in_cells = {name: unit for name, column in columns if (unit := unit_in_cells(column))}
+    ends = [in_cells.get(name, "") for name in names]
+    fitting = [tuple(bare(cell, end) for cell, end in zip(row, ends, strict=True)) for row in fitting]
+    numerals = _csv_numbers.recognise((cell for row in fitting for cell in row), delimiter)
     units = _units_of_settings(lines[:above], names, delimiter) | _units_above(lines[:above], names, delimiter)
     has_units = _is_units_row(fitting, numerals)
     units |= {name: match[1] for name, text in zip(names, header, strict=True) if (match := UNIT_IN_NAME.search(text))}
     if has_units:
         units |= {name: _bare(cell) for name, cell in zip(names, fitting[0], strict=True) if cell}
         fitting = fitting[1:]
+    units |= in_cells
     numeric = tuple(_is_numeric([row[i] for row in fitting], numerals) for i in range(len(names)))
     return Dialect(
         delimiter,
@@ -126,6 +137,7 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
         renamed,
         tuple(fitting[:SAMPLE_ROWS]),
         tuple(lines[:above]),
+        in_cells,
     )
 
 
@@ -199,6 +211,7 @@ def _above_header(lines: Sequence[str], delimiter: str) -> int:
     above = [place for place in fitting if place < first and not any(map(is_value, table[place]))]
     above = [place for place in above if not _heads_units(table[place])]
     names = [place for place in above if 2 * sum(map(bool, of_values[place])) > len(valued)]
+    names = [place for place in names if "1" not in table[place] or place - 1 in names]  # which no column is called
     together = [place for place in names if set(range(place, names[-1])) <= set(names)]
     units = next((place for place in together[1:] if _is_units(of_values[place])), None)
     if units is not None:

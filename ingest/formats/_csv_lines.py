@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.csv
 from numpy.typing import NDArray
 
-from ingest.formats import SHOWN
+from ingest.formats import SHOWN, _csv_units
 from ingest.formats._csv_dialect import BLANKS, Dialect, cells
 from ingest.formats._csv_numbers import MISSING, Numerals
 
@@ -59,8 +61,9 @@ class LineReader:
         """The columns of `lines`; None where one of them is no row as it should be."""
         names, numerals = [str(place) for place in range(len(self.numeric))], self.dialect.numerals
         as_text = bool(numerals.group) or numerals.decimal == self.dialect.delimiter
-        number = pa.string() if as_text else pa.float64()
-        kinds = dict(zip(names, (number if kind else pa.string() for kind in self.numeric), strict=True))
+        ends = self._ends()
+        texts = [not kind or as_text or bool(end) for kind, end in zip(self.numeric, ends, strict=True)]
+        kinds = dict(zip(names, (pa.string() if text else pa.float64() for text in texts), strict=True))
         try:
             if self.dialect.delimiter == BLANKS:
                 lines = ["\t".join(line.split()) for line in lines]
@@ -81,8 +84,9 @@ class LineReader:
         except (pa.ArrowInvalid, UnicodeError):
             return None
         columns: list[NDArray[Any]] = []
-        for name, kind in zip(names, self.numeric, strict=True):
-            values = numerals.values(table[name].combine_chunks()) if kind and as_text else table[name].to_numpy()
+        for name, kind, text, end in zip(names, self.numeric, texts, ends, strict=True):
+            column = table[name].combine_chunks()
+            values = numerals.values(_without(column, end)) if kind and text else table[name].to_numpy()
             if values is None or (kind and np.isinf(values).any()):
                 return None
             columns.append(numerals.read(values) if kind else values)
@@ -90,8 +94,9 @@ class LineReader:
 
     def _singly(self, lines: list[str], places: list[int], bad: dict[int, tuple[str, str]]) -> Iterator[Lines]:
         rows: list[tuple[int, list[float | str]]] = []
+        ends = self._ends()
         for place in places:
-            row = self._row(lines[place])
+            row = self._row(lines[place], ends)
             if isinstance(row, tuple):
                 bad[place] = row
             else:
@@ -102,15 +107,29 @@ class LineReader:
             arrays = tuple(np.array(values, kind) for values, kind in zip(columns, kinds, strict=True))
             yield Lines(np.array([place for place, _ in rows]), arrays)
 
-    def _row(self, line: str) -> list[float | str] | tuple[str, str]:
+    def _row(self, line: str, ends: Sequence[str]) -> list[float | str] | tuple[str, str]:
         """The values of one line, or (column, why it cannot be read)."""
         row = cells(line, self.dialect.delimiter)
         if len(row) != len(self.numeric):
             return "", f"has {len(row):,} field{'s' * (len(row) != 1)} where the header has {len(self.numeric):,}"
         values: list[float | str] = []
-        for name, cell, numeric in zip(self.dialect.names, row, self.numeric, strict=True):
-            value = self.dialect.numerals.value(cell) if numeric else cell
+        for name, cell, numeric, end in zip(self.dialect.names, row, self.numeric, ends, strict=True):
+            if not numeric:
+                value: float | str | None = cell
+            elif end:
+                value = _csv_units.value(cell.strip(), end, self.dialect.numerals)
+            else:
+                value = self.dialect.numerals.value(cell)
             if value is None:
                 return name, f'text "{cell.strip()[:SHOWN]}" where numbers are'
             values.append(value)
         return values
+
+    def _ends(self) -> list[str]:
+        """What each cell of a column ends in, "" in most: a unit."""
+        return [self.dialect.in_cells.get(name, "") for name in self.dialect.names]
+
+
+def _without(cells: pa.Array, end: str) -> pa.Array:
+    """Cells without the unit that they end in."""
+    return pc.replace_substring_regex(cells, rf"\s*{re.escape(end)}\s*$", "") if end else cells

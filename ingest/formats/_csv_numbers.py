@@ -15,9 +15,22 @@ from numpy.typing import NDArray
 NOTHING = ("", "nan", "NaN", "NAN", "NA", "N/A", "n/a", "null", "NULL", "None", "NoValue")
 OVER_RANGE = ("OL", "O.L", "OVER", "OVLD", "nan", "inf", "Inf", "INF", "∞", "1.#INF", "1.#QNAN", "1.#IND")
 BROKEN = ("OPEN", "Open", "INVALID", "Invalid", "Error", "unavailable", "#OVL", "OTC", "---O-F---", "---O-L---")
-FAULTS = (  # in any of three spellings: "over range", "Over range", "OVER RANGE"
+FAULTS = (  # in any of three spellings: "over range", "Over range", "OVER RANGE"; in four languages
     *("overflow", "underflow", "overload", "over range", "overrange", "under range", "underrange", "burnout"),
     *("burn out", "open circuit", "short circuit", "sensor break", "no value", "no data", "no signal"),
+    *("Überlauf", "Unterlauf", "Fühlerbruch", "Sensorbruch", "Drahtbruch", "Leitungsbruch", "Kurzschluss", "Bruch"),
+    *(
+        "ungültig",
+        "Fehler",
+        "kein Wert",
+        "Kein Wert",
+        "gestört",
+        "Störung",
+        "Messbereichsüberschreitung",
+        "Überbereich",
+    ),
+    *("fuori scala", "fuori range", "guasto", "rottura", "rottura sensore", "non valido", "errore", "aperto"),
+    *("hors échelle", "hors gamme", "rupture", "rupture capteur", "invalide", "erreur", "non valide"),
 )
 FAILED = ("Bad Input", "#N/A", "#NV", "#DIV/0!", "#VALUE!", "#WERT!", "#NUM!", "#ZAHL!")
 MISSING = frozenset(

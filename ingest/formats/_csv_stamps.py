@@ -62,6 +62,19 @@ DIGITS_ALONE = r"^(?:19|20|21)\d{2}(?:0[1-9]|1[0-2])(?:0[1-9]|[12]\d|3[01])(?:[0
 DAYS = {says: f"^{date}$" for says, date in DATES.items()}  # known where the bench file names the column
 DATE_ALONE = "|".join(f"^{re.sub('[?]P<[A-Za-z]>', '?:', date)}$" for date in DATES.values())
 CLOCK_ALONE = f"^{CLOCK}$"
+# date and time of day as numbers: 20250314 or 14032025, and 140507.25 or 1405
+_H_M = r"(?P<H>\d{1,2})(?P<M>[0-5]\d)"
+CLOCK_DIGITS = {"hour minute second": rf"{_H_M}(?P<S>[0-5]\d)(?:[.,](?P<f>\d{{1,9}})\d*)?", "hour minute": _H_M}
+DATE_DIGITS = {
+    "year month day": r"(?P<Y>(?:19|20)\d{2})(?P<m>0[1-9]|1[0-2])(?P<d>[0-3]\d)",
+    "day month year": r"(?P<d>[0-3]?\d)(?P<m>0[1-9]|1[0-2])(?P<Y>(?:19|20)\d{2})",
+}
+SHORT_DATE = r"[0-3]?\d(?:0[1-9]|1[0-2])\d\d|(?:0?[1-9]|1[0-2])[0-3]\d{3}|\d\d(?:0[1-9]|1[0-2])[0-3]\d"  # of any order
+DIGITS = {
+    f"{day} {clock} in digits": f"^{date} {time}$"
+    for day, date in DATE_DIGITS.items()
+    for clock, time in CLOCK_DIGITS.items()
+}
 _DAY_FIRST = re.compile(rf"^{DATES[DAY_FIRST]}(?!\d)")  # with or without a time of day
 _STAMP = re.compile("|".join(re.sub("[?]P<[A-Za-z]>", "?:", one) for one in (DATE_ALONE, CLOCK_ALONE, *KNOWN.values())))
 SECOND_NS, MINUTE_NS, DAY_NS = 1_000_000_000, 60_000_000_000, 86_400_000_000_000
@@ -70,14 +83,16 @@ FALL_BACK_NS = 30 * MINUTE_NS  # a local clock that goes back by this much or mo
 
 def pattern_of(text: str, log: str) -> str:
     """The regular expression of a strptime format. Raises UnreadableLogError for a directive that is not known."""
-    parts = ["^"]
+    parts, behind = ["^"], False  # right behind another number a number has all its digits
     for literal, directive in re.findall(r"([^%]+)|%(.)", text):
         if directive and directive not in DIRECTIVES:
             raise UnreadableLogError(
                 f'{log}: format = "{text}" under [time] of the bench file holds %{directive}, which is not known. '
                 f"Known are {' '.join('%' + name for name in DIRECTIVES)}."
             )
-        parts.append(DIRECTIVES[directive] if directive else re.escape(literal).replace(r"\ ", r"\s+"))
+        number = DIRECTIVES.get(directive, "").replace("{1,2}", "{2}" if behind else "{1,2}")
+        parts.append(number if directive else re.escape(literal).replace(r"\ ", r"\s+"))
+        behind = directive != ""
     pattern = "".join(parts) + "$"
     if not all(any(f"(?P<{name}>" in pattern for name in names) for names in ("Yy", "mb", "d")):
         raise UnreadableLogError(

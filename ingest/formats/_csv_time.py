@@ -21,7 +21,9 @@ from ingest.formats._csv_clocks import (
     Clock,
     Counted,
     OfDay,
+    OfDigits,
     OfHour,
+    OfMinutes,
     Rate,
     Serial,
     SerialOfTwo,
@@ -29,9 +31,11 @@ from ingest.formats._csv_clocks import (
     carried,
     seconds_of_day,
     seconds_of_hour,
+    seconds_of_minutes,
     wraps_of,
 )
 from ingest.formats._csv_dialect import Dialect, cells
+from ingest.formats._csv_digits import digit_pairs, in_digits, says_seconds
 from ingest.formats._csv_numbers import MISSING
 from ingest.formats._csv_stamps import (
     CLOCK_ALONE,
@@ -39,11 +43,13 @@ from ingest.formats._csv_stamps import (
     DAY_FIRST,
     DAY_NS,
     DAYS,
+    DIGITS,
     DIGITS_ALONE,
     KNOWN,
     MONTH_FIRST,
     OF_PARTS,
     SECOND_NS,
+    ZONE,
     LocalClock,
     both_formats,
     day_first,
@@ -69,10 +75,12 @@ from ingest.texts.nearest import hint
 ORDER_IN_NAME = re.compile(r"\b(dd|mm)[-./](?:dd|mm)[-./]yy", re.IGNORECASE)  # `Date (MM/DD/YYYY)`
 RATED = re.compile(  # what a line above a table says of its rows
     r"(?i)(?P<name>(?:[a-z]+[ _-]*)?(?:rate|freq|frequency|frequenz|interval|intervall|period)|sampl[a-z]*[ _-]?time"
-    r"|abtastzeit|delta[ _]t|dt)\W+(?P<value>[\d.,]+(?:e[+-]?\d+)?)\W*(?P<unit>k?hz|[nuµm]?s|sec|min)?\W*"
+    r"|abtastzeit|delta[ _]t|dt|hresolution)\W+(?P<value>[\d.,]+(?:e[+-]?\d+)?)\W*(?P<unit>k?hz|[nuµm]?s|sec|min)?\W*"
 )
+POWER_OF_TEN = re.compile(r"[+-]?\d[.,]\d{1,9}[eE]\+0?(?:[5-9]|1\d)")  # 1.74194E+12
 PER_S = {"hz": 1.0, "khz": 1e3}
 SERIAL_D, SERIAL_NS = (36526.0, 73050.0), utc_ns(EPOCH.replace(year=1899, month=12, day=30))  # days of 2000 to 2099
+DATENUM_D, DATENUM_1970_D = (730_486.0, 767_011.0), 719_529.0  # the same as MATLAB counts them, and 1970 there
 SERIAL_STEP_D = 1e-3  # numbers so large that go on by less are no seconds: a thousand rows in each
 EPOCH_NS = (1e18, 3.3e18)  # a column of numbers between these [ns] counts from 1970: years 2001 to 2074
 SINCE_1904_S, ORIGIN_1904_NS = (3.3e9, 4.3e9), utc_ns(EPOCH.replace(year=1904))  # as LabVIEW counts: 2008 to 2040
@@ -80,6 +88,7 @@ TICKS = {  # of 100 ns, in words -> what they count from, and the ticks of 2000 
     "100 ns since the year 1 in UTC": (621_355_968_000_000_000, 6.3e17, 6.63e17),  # .NET
     "100 ns since 1601 in UTC": (116_444_736_000_000_000, 1.26e17, 1.575e17),  # Windows
 }
+WITHIN_DAY: Mapping[str, type[OfDay]] = {"%H:%M": OfMinutes, "%M:%S": OfHour}  # formats without a date
 LOOSE_NS = 2_000_000_000  # stamps of whole seconds and what counts beside them: apart by this at most
 NO_RECORD = np.empty(0, np.int64)  # stamps need none
 
@@ -101,7 +110,7 @@ def recognise_clock(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
 
 
 def _stated(time: TimeSpec, column: str, dialect: Dialect, log: str) -> Clock:
-    if time.format is not None:
+    if time.format is not None and time.format not in WITHIN_DAY:
         local = LocalClock(time.local)
         says = f"{time.format} in {time.zone}"
         return Stamped(says=says, absolute=True, columns=(column,), pattern=pattern_of(time.format, log), local=local)
@@ -116,6 +125,7 @@ def _stated(time: TimeSpec, column: str, dialect: Dialect, log: str) -> Clock:
     if clock is None:
         cell = next((cell for cell in _cells(dialect, column) if cell not in MISSING), "")
         example = "%d.%m.%Y" if re.match(DATE_ALONE, cell) else "%d.%m.%Y %H:%M:%S"
+        example = example if isnan(seconds_of_minutes(cell)) else "%H:%M"
         raise UnreadableLogError(
             f'{log}: column "{column}" holds "{cell[:60]}", which is no number and no stamp that is known. '
             f'Say format = "{example}", with signs and order as they are there, under [time] of the bench file.'
@@ -127,13 +137,19 @@ def _found(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
     parts = _of_parts(time, dialect)
     named = [name for name in dialect.names if is_time_name(name) and not (parts and name in parts.columns)]
     named = named or [name for name in dialect.names if is_x(name, dialect)]
-    if time.format is not None:
+    if time.format is not None and time.format not in WITHIN_DAY:
         pattern = pattern_of(time.format, log)
         fitting = (name for name in (*named, *dialect.names) if _fits(pattern, dialect, name))
         if column := next(fitting, None):
             return _stated(time, column, dialect, log)
         if clock := _of_two(time, {f"{time.format} in {time.zone}": pattern}, dialect):
             return clock
+    if rounded := next((name for name in named if _is_rounded(_cells(dialect, name))), None):
+        raise UnreadableLogError(
+            f'{log}: "{rounded}" holds "{_cells(dialect, rounded)[0]}" in several rows: its times were rounded as they '
+            "were saved. Save them again as whole numbers (Excel: format 0; LabVIEW: %.3f), or under [time] of the "
+            "bench file say rate_hz = 1.0 (rows at a fixed rate)."
+        )
     if two := _serial_of_two(time, named, dialect):
         return two
     clocks = [clock for column in named if (clock := _of_named(time, column, dialect))]
@@ -163,12 +179,25 @@ def _found(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
     seen = next((cell for name in texts for cell in _cells(dialect, name) if cell not in MISSING), None)
     holds = f' ("{texts[0]}" holds "{seen[:40]}", which is no whole stamp)' if seen is not None else ""
     instead = f"{way} Or under" if (way := way_out(dialect)) else "Under"
-    days = next((name for name in dialect.names if _of_cells(time, _known(time, DAYS), (name,), dialect)), None)
+    days = next((name for name in dialect.names if _are_days(time, name, dialect)), None)
     column = f'column = "{days}" (its days)' if days else 'column = "..." with format or unit'
+    if texts and _most(seconds_of_minutes, _cells(dialect, texts[0])):
+        column = 'format = "%H:%M" or format = "%M:%S"'
     raise UnreadableLogError(
         f"{log}: no column is recognised as its time{holds}. {instead} [time] of the bench file say rate_hz = 1.0 "
         f"(rows at a fixed rate), or {column}."
     )
+
+
+def _are_days(time: TimeSpec, column: str, dialect: Dialect) -> bool:
+    """Whether a column holds days alone: 08.00.00 has their form, and is none."""
+    clock = _of_cells(time, _known(time, DAYS), (column,), dialect)
+    return clock is not None and not deepcopy(clock).t_ns(_time_cells(clock, dialect), NO_RECORD)[1].all()
+
+
+def _is_rounded(said: Sequence[str]) -> bool:
+    """Whether times are all written as powers of ten, and come again as they have too few digits for their size."""
+    return len(set(said)) < len(said) and all(POWER_OF_TEN.fullmatch(cell) for cell in said)
 
 
 def _first_in_seconds(time: TimeSpec, dialect: Dialect) -> Clock | None:
@@ -196,6 +225,8 @@ def _rated(time: TimeSpec, dialect: Dialect) -> Clock | None:
 
 def _of_named(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
     """The clock of a column that is called as times are; None for numbers that do not go on as time does."""
+    if in_digits(column, dialect):
+        return None
     counts = np.array(_numbers(dialect, column)) if _is_number(dialect, column) else None
     goes_on = counts is None or rises(counts + wraps_of(counts) * WRAP)
     clock = _by_content(time, column, dialect) if goes_on or time.column is None else None
@@ -260,8 +291,9 @@ def _by_content(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
     for candidate in candidates:
         middle = median(_numbers(dialect, column)) * UNITS_NS[candidate]  # one absurd stamp takes nothing from the rest
         if EPOCH_NS[0] <= middle <= EPOCH_NS[1]:
-            says = f"{candidate} since 1970"
-            return Counted(says=says, absolute=True, columns=(column,), unit_ns=UNITS_NS[candidate], step_ns=1000)
+            says, unit_ns = f"{candidate} since 1970", UNITS_NS[candidate]
+            since_1970 = Counted(says=says, absolute=True, columns=(column,), unit_ns=unit_ns, step_ns=1000)
+            return _with_part_counted(since_1970, dialect)
     if candidates[0] == "s" and SINCE_1904_S[0] <= median(_numbers(dialect, column)) <= SINCE_1904_S[1]:
         says = "s since 1904"
         return Counted(
@@ -270,10 +302,28 @@ def _by_content(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
     for says, (of_1970, first, last) in TICKS.items() if unit is None else ():
         if first <= median(_numbers(dialect, column)) < last:
             return Counted(says=says, absolute=True, columns=(column,), unit_ns=100, step_ns=1000, zero=of_1970)
-    if unit is None and (clock := _serial(time, column, dialect)):
-        return clock
+    if unit is None and (serial := _serial(time, column, dialect)):
+        return serial
     says, start, unit_ns = f"{candidates[0]} from the start", time.start_ns, UNITS_NS[candidates[0]]
-    return Counted(says=says, absolute=start is not None, columns=(column,), unit_ns=unit_ns, origin_ns=start or 0)
+    clock = Counted(says=says, absolute=start is not None, columns=(column,), unit_ns=unit_ns, origin_ns=start or 0)
+    return _with_part_counted(clock, dialect)
+
+
+def _with_part_counted(clock: Counted, dialect: Dialect) -> Counted:
+    """The clock of whole seconds, several rows in each, with the part of the second that a column of its own holds."""
+    seconds, column = np.array(_numbers(dialect, clock.columns[0])), _part_of_second(clock.columns, dialect)
+    often = np.ptp(seconds) > 0 and (np.diff(seconds) == 0).any() and not (seconds % 1).any()
+    if column is None or not often or clock.unit_ns != SECOND_NS:
+        return clock
+    return replace(clock, columns=(*clock.columns, column), parts=10.0 ** digits_of(column))
+
+
+def _part_of_second(beside: Sequence[str], dialect: Dialect) -> str | None:
+    """The column that is called as parts of a second are, and holds such in all rows."""
+    column = next((name for name in dialect.names if digits_of(name) and name not in beside), None)
+    most = 10 ** digits_of(column or "")
+    parts = _numbers(dialect, column) if column else []
+    return column if all(0 <= part < most and part == int(part) for part in parts) else None
 
 
 def _stamped(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
@@ -289,14 +339,14 @@ def _is_number(dialect: Dialect, column: str) -> bool:
 def _serial(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
     """The clock of dates as spreadsheets store them; None where numbers are none, or may be seconds as well."""
     days = np.array(_numbers(dialect, column)) if _is_number(dialect, column) else np.empty(0)
-    if len(days) < 2 or not rises(days) or not ((days >= SERIAL_D[0]) & (days < SERIAL_D[1])).all():
+    if len(days) < 2 or not rises(days) or (np.median(np.diff(days)) >= SERIAL_STEP_D and not is_date_name(column)):
         return None
-    if np.median(np.diff(days)) >= SERIAL_STEP_D and not is_date_name(column):
-        return None
-    says, local = f"days since 1899-12-30 in {time.zone}", LocalClock(time.local)
-    return Serial(
-        says=says, absolute=True, columns=(column,), unit_ns=DAY_NS, origin_ns=SERIAL_NS, step_ns=1000, local=local
-    )
+    own: dict[str, Any] = {"absolute": True, "columns": (column,), "unit_ns": DAY_NS, "local": LocalClock(time.local)}
+    if ((days >= SERIAL_D[0]) & (days < SERIAL_D[1])).all():
+        return Serial(says=f"days since 1899-12-30 in {time.zone}", origin_ns=SERIAL_NS, step_ns=1000, **own)
+    if ((days >= DATENUM_D[0]) & (days < DATENUM_D[1])).all():
+        return Serial(says=f"days as MATLAB counts them in {time.zone}", zero=DATENUM_1970_D, step_ns=10_000, **own)
+    return None
 
 
 def _serial_of_two(time: TimeSpec, named: Sequence[str], dialect: Dialect) -> Clock | None:
@@ -321,29 +371,35 @@ def _of_dates(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
 
 
 def _of_day(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
-    """The clock of a column of times of day, or of what is left of them within the hour, which nothing dates."""
+    """The clock of a column of times of day, with or without seconds, or of what is left of them within the hour, which
+    nothing dates."""
     said = [cell for cell in _cells(dialect, column) if cell not in MISSING]
-    if _most(seconds_of_day, said):
-        kind, says = OfDay, "time of day"
-    elif _most(seconds_of_hour, said) and _says_minutes(column, said):
-        kind, says = OfHour, "minutes and seconds"
-    else:
-        return None
+    kind = _kind_of_day(time.format, column, said, in_digits(column, dialect))
     start = time.start_ns
-    return kind(says=says, absolute=start is not None, columns=(column,), origin_ns=start or 0)
+    return kind(says=kind.called, absolute=start is not None, columns=(column,), origin_ns=start or 0) if kind else None
+
+
+def _kind_of_day(form: str | None, column: str, said: Sequence[str], digits: bool) -> type[OfDay] | None:
+    """What the cells of a column are of the day; None where they are none, or nothing tells: `02:07` is what `form`
+    says, or the column's name; minutes and seconds where it has parts of a second, or as no hour is so late; hours and
+    minutes by `PM`, or as what counts from a start begins below one."""
+    if _most(seconds_of_day, said):
+        return OfDay
+    if digits:
+        return OfDigits
+    if not _most(seconds_of_hour, said) and not _most(seconds_of_minutes, said):
+        return None
+    name = words(column)
+    if form in WITHIN_DAY or "ss" in name or "hh" in name:
+        return WITHIN_DAY.get(form or "") or (OfMinutes if "hh" in name else OfHour)
+    matches = [OF_HOUR.fullmatch(cell.strip()) for cell in said]
+    if any(match and (int(match["minutes"]) > 23 or not match["seconds"].isdecimal()) for match in matches):
+        return OfHour
+    return OfMinutes if None in matches or seconds_of_minutes(said[0]) >= OfHour.turn_s else None
 
 
 def _most(seconds: Callable[[str], float], said: Sequence[str]) -> bool:
     return 2 * sum(not isnan(seconds(cell)) for cell in said) > len(said)
-
-
-def _says_minutes(column: str, said: Sequence[str]) -> bool:
-    """Whether `02:07` is minutes and seconds: by the column's name, by parts of a second, or as no hour is so late."""
-    name = words(column)
-    if "ss" in name or "hh" in name:
-        return "hh" not in name
-    matches = filter(None, (OF_HOUR.fullmatch(cell.strip()) for cell in said))
-    return any(int(match["minutes"]) > 23 or not match["seconds"].isdecimal() for match in matches)
 
 
 def _of_parts(time: TimeSpec, dialect: Dialect) -> Clock | None:
@@ -369,6 +425,13 @@ def _asked(dialect: Dialect) -> str | None:
                 f'"{" + ".join(names)}" holds "{cell}", which may begin with the day or with the {tells}. '
                 f'Under [time] of the bench file say format = "{day}" or format = "{other}".'
             )
+    for names in digit_pairs(dialect):
+        cell = next(_said(dialect.sample, names, dialect))
+        clock = "%H%M" + "%S" * says_seconds(names[1], dialect) + ".%f" * ("." in cell)
+        return (
+            f'"{" + ".join(names)}" holds "{cell}", which may begin with the day, the month or the year. Under [time] '
+            f'of the bench file say format = "%d%m%y {clock}", "%m%d%y {clock}" or "%y%m%d {clock}".'
+        )
     return None
 
 
@@ -386,7 +449,8 @@ def _of_two(time: TimeSpec, patterns: Mapping[str, str], dialect: Dialect) -> Cl
             return replace(found, sparse_dates=True)
         if found and not found.t_ns(_time_cells(found, dialect), NO_RECORD)[1].all():
             return found  # 24.12.25 has the form of a time of day, and 08.00.00 that of a date
-    return None
+    forms = patterns if time.format else _known(time, DIGITS)
+    return next((found for pair in digit_pairs(dialect) if (found := _of_cells(time, forms, pair, dialect))), None)
 
 
 def _filled(dialect: Dialect, column: str) -> Dialect | None:
@@ -421,19 +485,31 @@ def _of_cells(
     if not pattern:
         return None
     clock = Stamped(says=says, absolute=True, columns=columns, pattern=pattern, local=LocalClock(time.local))
-    return _with_part(clock, dialect)
+    return _with_zone(_with_part(clock, dialect), dialect)
+
+
+def _with_zone(clock: Stamped, dialect: Dialect) -> Stamped:
+    """The clock with the zone that a column of its own says of each stamp, where the stamps say none."""
+    if "(?P<z>" not in clock.pattern or any(
+        re.search(f"{ZONE}$", cell.strip()) for cell in _time_cells(clock, dialect)
+    ):
+        return clock
+    if any("utc" in words(name) for name in clock.columns):
+        return clock
+    others = (name for name in dialect.names if name not in clock.columns and not _is_number(dialect, name))
+    column = next((name for name in others if _fits(f"^{ZONE}$", dialect, name)), None)
+    return clock if column is None else replace(clock, columns=(*clock.columns, column), zoned=True)
 
 
 def _with_part(clock: Stamped, dialect: Dialect) -> Stamped:
     """The clock with the part of the second that a column of its own holds, where its stamps say whole seconds."""
-    column = next((name for name in dialect.names if digits_of(name) and name not in clock.columns), None)
-    digits = digits_of(column or "")
-    if column is None or not all(0 <= part < 10**digits and part == int(part) for part in _numbers(dialect, column)):
+    column = _part_of_second(clock.columns, dialect)
+    if column is None:
         return clock
     said = [match for cell in _time_cells(clock, dialect) if (match := re.match(clock.pattern, cell))]
     if not all({"S", "f"} <= match.groupdict().keys() and match["S"] and not match["f"] for match in said):
         return clock
-    return replace(clock, columns=(*clock.columns, column), digits=digits)
+    return replace(clock, columns=(*clock.columns, column), digits=digits_of(column))
 
 
 def _is_day_first(said: list[str], columns: tuple[str, ...], dialect: Dialect) -> bool | None:

@@ -7,8 +7,8 @@ import re
 from ingest.formats._csv_dialect import Dialect
 
 _SPELT = {  # [ns] -> units of time, in lower case
-    1.0: "ns nsec nanoseconds",
-    1e3: "us µs μs usec microsecond microseconds mikrosekunde mikrosekunden",
+    1.0: "ns nsec nsecs nanosec nanoseconds",
+    1e3: "us µs μs usec usecs microsec microsecond microseconds mikrosekunde mikrosekunden",
     1e6: "ms msec millisecond milliseconds millisekunde millisekunden millisecondes",
     1e9: "s sec secs sek second seconds sekunde sekunden secondi secondes segundos",
     60e9: "min mins minute minutes minuten minuti minutos",
@@ -34,7 +34,7 @@ _PARTS = (
 )
 PARTS_OF_STAMP = [frozenset(names.split()) for names in _PARTS]  # of columns that hold one part each
 COUNTERS = {"millis": ("time", "ms"), "micros": ("time", "us")}  # as small controllers call their clocks
-DIGITS = {1e6: 3, 1e3: 6}  # of the part of a second that is counted in a unit of so many ns
+DIGITS = {1e6: 3, 1e3: 6, 1.0: 9}  # of the part of a second that is counted in a unit of so many ns
 CATMAN_TIME = re.compile(r"(?:time|zeit) +\d+ - ", re.IGNORECASE)  # "Zeit  1 - Standardmessrate"
 
 
@@ -45,7 +45,8 @@ def unit_of_time(text: str | None) -> str | None:
 
 
 def digits_of(name: str) -> int:
-    """Of the part of the second that a column with this name holds: 3 of `ms` and `Time(ms)`, 6 of `us`; else 0."""
+    """Of the part of the second that a column with this name holds: 3 of `ms` and `Time(ms)`, 6 of `us`, 9 of `ns`; 0
+    of others."""
     base, unit = base_and_unit(name)
     said = unit if base in TIME_NAMES and unit else name
     return DIGITS.get(UNITS_NS.get(said.casefold(), 0.0), 0)

@@ -8,7 +8,6 @@ from pathlib import Path
 
 # what a file begins with -> what it is; and what to do, as the program that wrote it calls that
 NO_LOGS: Mapping[bytes, str] = {
-    rb"(?:[\t\r\n -~]\0){4}|(?:\0[\t\r\n -~]){4}": "text in UTF-16 without its mark. Save it in UTF-8",
     rb"%PDF": "a PDF document. Export the table that is in it as CSV",
     rb"\xd0\xcf\x11\xe0": (
         "an old Office file, or one with a password. Save it as XLSX without a password (Excel: File, Info, Protect "
@@ -65,7 +64,9 @@ NO_LOGS: Mapping[bytes, str] = {
     rb"ORC[^ -~\t\r\n]": "an ORC file. Export it as Parquet (pandas: read_orc(...).to_parquet)",
     rb"Obj\x01": "an Avro file. Export it as Parquet (duckdb: COPY (FROM read_avro('log.avro')) TO 'log.parquet')",
     rb".{8}DUCK": "a database of DuckDB. Export a table of it (COPY t TO 'log.parquet')",
-    rb"\s*[\[{]\s*[\"\[{]": "a text in JSON. Export it as Parquet or CSV (pandas: read_json(...).to_parquet)",
+    rb'\s*(?:\[\s*["\[{]|\{\s*["\[{](?![^\n]*\}\s*\n\s*\{))': (
+        "a text in JSON. Export it as JSON lines (jq -c '.[]'), or as Parquet (pandas: read_json(...).to_parquet)"
+    ),
     rb"(?i)\s*(?:<!doctype html|<html[\s>])": "a web page (HTML). Export the table that is in it as CSV",
     rb"\s*<\?xml.{1,500}urn:schemas-microsoft-com:office:spreadsheet": (
         "a workbook of Excel 2003 (XML). Save it as XLSX (soffice --convert-to xlsx), or as CSV"

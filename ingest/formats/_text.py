@@ -12,12 +12,11 @@ from pathlib import Path
 from typing import IO
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import GZIP, most_unpacked
+from ingest.formats import GZIP, most_unpacked, utf_16
 
 BLOCK = 4 << 20  # bytes that are read at once
 LONGEST_LINE = 1 << 20  # bytes; of a longer one the first bytes are given, and a NUL for the rest of it
 KEPT = 64
-UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
 @dataclass
@@ -68,11 +67,12 @@ class TextFile:
         first = next(pieces, b"")
         if first.startswith(codecs.BOM_UTF8):
             first, self.mark = first.removeprefix(codecs.BOM_UTF8), len(codecs.BOM_UTF8)
-        self.utf_16 = first.startswith(UTF_16)
-        if not self.utf_16:
+        encoding = utf_16(first)
+        self.utf_16 = encoding is not None
+        if encoding is None:
             yield from chain([first] if first else [], pieces)
             return
-        decoder = codecs.getincrementaldecoder("utf-16")(errors="replace")
+        decoder = codecs.getincrementaldecoder(encoding)(errors="replace")
         for piece in chain([first], pieces):
             yield decoder.decode(piece).encode(errors="replace")
         yield decoder.decode(b"", final=True).encode()

@@ -1,6 +1,6 @@
 """CSV: tables of text, packed with gzip or not.
 
-Delimiter, decimal sign, encoding (UTF-8, UTF-16 with its mark, else cp1252), a row of units and the time are recognised
+Delimiter, decimal sign, encoding (UTF-8, UTF-16, else cp1252), a row of units and the time are recognised
 from the first 200 rows and stored in `settings`; so are lines that a logger wrote above the header. Dates such as
 5/6/2025 have their order from a day above 12 anywhere in the table. A line is a row: a quoted cell does not go on in
 the next, but for names in the header. Blank lines, comments (`#`) and the header again are no rows. `columns` are those
@@ -37,6 +37,7 @@ from ingest.formats._csv_dialect import (
     no_table_of,
     recognise_dialect,
 )
+from ingest.formats._csv_labels import labels_aside
 from ingest.formats._csv_lines import LineReader, Lines
 from ingest.formats._csv_numbers import MISSING, OTHER, Numerals
 from ingest.formats._csv_series import TimedColumns, series_of
@@ -45,7 +46,9 @@ from ingest.formats._csv_time import recognise_clock, times_of
 from ingest.formats._long_tables import LongTable, recognise_long
 from ingest.formats._text import TextFile, decoded, place_of
 
-NUMBER_AND_UNIT = re.compile(r"[+-]?\d[\d.,]* ?[^\W\d]{1,4}|[+-]?\d[\d.,]* [^\s\d]{1,6}")
+NUMBER_AND_UNIT = re.compile(  # or a sign behind it: 1.5-, 20 ± 0.5
+    r"[+-]?\d[\d.,]* ?[^\W\d]{1,4}|[+-]?\d[\d.,]* [^\s\d]{1,6}|[+-]?\d[\d.,]*(?:[-*°%]| ?± ?[\d.,]+)"
+)
 RUNTIME = ('"$RT_', "$RT_")  # marks of Siemens' operator panels: switched on or off, or how many lines there are
 TYPES_LINE = re.compile(r'(?:"?[fiu][1248]"?[\t;, ]*)+\r?')  # of columns, as ETAS writes them
 NUMBER_BEGINS = frozenset("0123456789+-.")
@@ -82,7 +85,7 @@ class CsvLog(Log):
                 self.settings["encoding"] = "utf-16"
             lines = self._decoded(block or b"", first=number == 0).split("\n")
             lines = lines[:-1] if not lines[-1] else lines
-            lines = header_in_one_line([self._headed(lines[0]), *lines[1:]]) if number == 0 else held + lines
+            lines = _with_header([self._headed(lines[0]), *lines[1:]]) if number == 0 else held + lines
             begin = self._begin(lines) if number == 0 else 0
             self._lines += begin
             last = next_block is None
@@ -388,8 +391,13 @@ def no_table(path: Path) -> str | None:
     """Why a text does not begin as a table does, with a header and rows that hold numbers; None where it does."""
     block = next(TextFile(path).blocks(), b"")
     text = block.decode("utf-8-sig", errors="replace").replace("\r\n", "\n").lstrip("\0")
-    lines = header_in_one_line(text.split("\n"))
+    lines = _with_header(text.split("\n"))
     return no_table_of([line for line in lines if _is_row(line)][: 2 * SAMPLE_ROWS], path.name)
+
+
+def _with_header(lines: list[str]) -> list[str]:
+    """The first lines of a file with a header in one line."""
+    return labels_aside(header_in_one_line(lines))
 
 
 def _is_row(line: str) -> bool:

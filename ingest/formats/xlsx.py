@@ -2,9 +2,9 @@
 
 python-calamine reads it: https://github.com/dimastbk/python-calamine (MIT, installed separately). Numbers, dates and
 times are those of the cells; what a text holds (numbers in German notation, stamps, units) is recognised as in CSV, the
-header too. Times of day alone, without a date in the sheet, count as seconds, as durations do. The sheet is the one
-that `[time] sheet` names, else the first with a table, hidden ones last; `settings["other_sheets"]` names the others
-with a table.
+header too. Times of day alone, without a date in the sheet, count from their midnight where their column is called as
+times are, elsewhere as seconds, as durations do. The sheet is the one that `[time] sheet` names, else the first with a
+table, hidden ones last; `settings["other_sheets"]` names the others with a table.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from ingest.errors import UnreadableLogError, not_installed
 from ingest.formats import Rows, _csv_numbers, most_unpacked
 from ingest.formats._csv_dialect import SAMPLE_ROWS, no_table_of
 from ingest.formats._csv_numbers import Numerals
+from ingest.formats._csv_time_names import is_time_name
 from ingest.formats._text import TextFile
 from ingest.formats._xlsx_sheets import Row, Workbook
 from ingest.formats.csv import CsvLog
@@ -37,11 +38,18 @@ class _SheetText(TextFile):
     sheet: str
     _numerals: Numerals = field(init=False)
     _stamped: tuple[bool, ...] = ()  # which columns hold dates with a time of day
+    _clocks: tuple[bool, ...] = ()  # which columns, called so, hold times of day
     _dated: bool = False  # whether any does hold a date
 
     def __post_init__(self) -> None:
         head = list(islice(self.book.rows(self.sheet), 2 * SAMPLE_ROWS))
-        self._stamped = tuple(any(isinstance(cell, datetime) for cell in column) for column in zip_longest(*head))
+        columns = [*zip_longest(*head)]
+        self._stamped = tuple(any(isinstance(cell, datetime) for cell in column) for column in columns)
+        self._clocks = tuple(
+            any(isinstance(cell, time) for cell in column)
+            and any(isinstance(cell, str) and is_time_name(cell) for cell in column)
+            for column in columns
+        )
         self._dated = any(isinstance(cell, date) for row in head for cell in row)
         self._numerals = _csv_numbers.recognise((cell for row in head for cell in row if isinstance(cell, str)), ";")
 
@@ -55,20 +63,20 @@ class _SheetText(TextFile):
 
     def _line(self, row: Row) -> str:
         """A row, as wide as the first ones at least."""
-        both = zip_longest(row, self._stamped, fillvalue="")
-        cells = [self._text(cell, bool(stamped)) for cell, stamped in both]
+        together = zip_longest(row, self._stamped, self._clocks, fillvalue="")
+        cells = [self._text(cell, bool(stamped), bool(clock)) for cell, stamped, clock in together]
         return "\t".join(cells) + "\n" if any(cells) else "\n"
 
-    def _text(self, cell: Any, stamped: bool) -> str:
+    def _text(self, cell: Any, stamped: bool, clock: bool) -> str:
         """A cell as a table with decimal points would have it."""
         if isinstance(cell, str):
             return self._written(" ".join(cell.split()))
         if isinstance(cell, date):  # a datetime is one
             return cell.isoformat() + (" 00:00:00" if stamped and not isinstance(cell, datetime) else "")
         if isinstance(cell, time):
-            return cell.isoformat() if self._dated else self._text(_since_midnight(cell), stamped)
+            return cell.isoformat() if self._dated or clock else self._text(_since_midnight(cell), stamped, clock)
         if isinstance(cell, timedelta):
-            return f"{cell.total_seconds():.9g}"
+            return _as_clock(cell) if clock else f"{cell.total_seconds():.9g}"
         return f"{float(cell):.17g}"
 
     def _written(self, text: str) -> str:
@@ -130,6 +138,12 @@ class XlsxLog(CsvLog):
 
 def _since_midnight(cell: time) -> timedelta:
     return datetime.combine(date.min, cell) - datetime.min
+
+
+def _as_clock(cell: timedelta) -> str:
+    """A duration as times of day are written, with as many hours as it has."""
+    minutes, seconds = divmod(cell.total_seconds(), 60)
+    return f"{int(minutes // 60)}:{int(minutes % 60):02d}:{seconds:09.6f}"
 
 
 def _check_size(log: XlsxLog) -> None:

@@ -139,7 +139,9 @@ def _look(reader: Reader, path: Path, folder: Path, said: Setup | None) -> Inspe
         way = f'the days in "{days}"' if days else "one row a second"
         note = f"{str(error).removeprefix(f'{path.name}: ')} Looked at as {way}."
     faults, parts = stamps.look(recording), Specimens(said.bench if said else None, reading.columns)
-    spans = _ranges(recording, parts)
+    spans, held = _ranges(recording, parts)
+    unnamed = reading.settings.get("renamed", {}).get("", ())  # as a delimiter at the end of each row makes one
+    reading = replace(reading, columns=tuple(one for one in reading.columns if one in held or one not in unnamed))
     if faults.span_ns:  # less the stamps that are far off all others
         reading = replace(reading, start_ns=faults.span_ns[0], end_ns=faults.span_ns[1])
     flags = clock.findings(path.name, parts.within(faults).counted(), reading.absolute)
@@ -159,16 +161,18 @@ def _untimed(reader: Reader, path: Path, recording: Path) -> tuple[LogReading, s
     return reading, None
 
 
-def _ranges(recording: Path, parts: Specimens) -> dict[str, tuple[float, float]]:
-    """The least and the greatest value of each column of numbers; `parts` is told of all rows."""
-    spans: dict[str, tuple[float, float]] = {}
+def _ranges(recording: Path, parts: Specimens) -> tuple[dict[str, tuple[float, float]], set[str]]:
+    """The least and the greatest value of each column of numbers, and which columns hold anything; `parts` is told of
+    all rows."""
+    spans, held = dict[str, tuple[float, float]](), set[str]()
     for _, batch in read(recording):
         if not isinstance(batch, Rows):
-            return {}
+            return {}, held
         parts.add(batch)
+        held |= {name for name, v in batch.columns.items() if v.dtype == object and (v != "").any()}
         numbers = {n: v for n, v in batch.columns.items() if v.dtype == np.float64 and np.isfinite(v).any()}
         _widen(spans, {name: (float(np.nanmin(v)), float(np.nanmax(v))) for name, v in numbers.items()})
-    return spans
+    return spans, held | spans.keys()
 
 
 def _widen(spans: dict[str, tuple[float, float]], more: Mapping[str, tuple[float, float]]) -> None:

@@ -58,6 +58,7 @@ class StampFaults:
     back_ns: int = 0  # the largest
     jump_steps: int = 0
     jump_ns: int = 0
+    falls: int = 0  # streams that run from the newest record to the oldest
     equal: int = 0  # records with the stamp and the values of another one
     other: int = 0  # with other values
     blocks: int = 0  # runs of records that are written again as they were
@@ -102,6 +103,7 @@ def without(batch: Frames | Rows, records: Ints) -> Frames | Rows:
 def findings(name: str, counted: Mapping[str, Any], absolute: bool) -> list[QualityFlagged]:
     """A flag a kind of fault of the file `name`, from what `StampFaults.counted` says."""
     told = {
+        "newest_first": "it runs from the newest record to the oldest: put in the order of time" * ("falls" in counted),
         "clock_back": _steps(counted, "back", "its clock steps back"),
         "clock_jump": _steps(counted, "jump", "its clock jumps on, or the log paused,"),
         "doubled_equal": _records(counted, "equal", "with stamp and values of another one"),

@@ -5,7 +5,6 @@ What is not read as strictly as cantools would have it is noted; a refusal is on
 
 from __future__ import annotations
 
-import codecs
 import re
 import sys
 from collections.abc import Mapping
@@ -17,6 +16,7 @@ from typing import Any, NamedTuple
 from xml.etree.ElementTree import ParseError
 
 from ingest.errors import DatabaseError
+from ingest.formats import utf_16
 
 DBC, KCD, SYM, ARXML = "DBC", "KCD", "SYM", "ARXML"
 LOOKS: Mapping[str, str] = {  # kind -> what is found in such a file, up to LOOKED characters
@@ -81,10 +81,9 @@ def read_database(data: bytes, name: str, notes: list[str]) -> DatabaseFile:
 
 
 def _text(data: bytes) -> str:
-    """UTF-8, UTF-16 with its mark, or else Windows-1252."""
+    """UTF-8, UTF-16, or else Windows-1252."""
     try:
-        marked = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-        text = data.decode("utf-16" if marked else "utf-8-sig")
+        text = data.decode(utf_16(data) or "utf-8-sig")
     except UnicodeDecodeError:
         text = data.decode("cp1252", errors="replace")
     return text.replace("\r\n", "\n")

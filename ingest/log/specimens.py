@@ -80,6 +80,7 @@ class Specimens:
         again = len(t_ns) - np.unique(np.stack([which, t_ns]), axis=1).shape[1]
         return replace(
             faults,
+            falls=0,
             back_steps=len(back),
             back_ns=int(back.max(initial=0)),
             jump_steps=len(jump),

@@ -27,6 +27,7 @@ Flags = NDArray[np.bool_]
 FAR_NS = 30 * DAY_NS  # a stamp so far off both its neighbours is no time of this log
 CLOSE_NS = 3600 * SECOND_NS  # between neighbours of a log that runs: a table with a row a check has no strays or jumps
 JITTER_NS = 1_000_000  # by which frames may come out of order
+FALLS = 3  # steps, all of them back: a log that was exported from its end
 MOST_STRAYS = 10  # in a row: what is longer is a clock that was set
 MOST_FAR = 1_000_000  # steps so wide in one stream: beyond, no stamp is of one log with another, and none is left out
 ODD = np.uint64(0x9E3779B97F4A7C15)
@@ -185,7 +186,7 @@ class _Steps:
     def __init__(self, jitter_ns: int, folder: Path) -> None:
         self._jitter_ns = jitter_ns
         self._last = np.empty(0, np.int64)
-        self._seen = self._count = self._close = self._jumps = self._jump_ns = 0
+        self._seen = self._count = self._close = self._jumps = self._jump_ns = self._forward = 0
         self._back = _ByPlace(folder, BACK)
         self.least, self.greatest = np.iinfo(np.int64).max, np.iinfo(np.int64).min
 
@@ -198,17 +199,22 @@ class _Steps:
         jump = step[step > JUMP_NS]
         self._jumps, self._jump_ns = self._jumps + len(jump), max(self._jump_ns, int(jump.max(initial=0)))
         self._close += near(step)
+        self._forward += int((step > 0).sum())
         self.least, self.greatest = min(self.least, int(t_ns.min())), max(self.greatest, int(t_ns.max()))
         self._last, self._seen, self._count = t_ns[-1:], self._seen + len(t_ns), self._count + len(step)
         return np.concatenate([np.zeros(len(t_ns) - len(step), np.bool_), step == 0])
 
     def count(self, found: StampFaults, doubled: _Doubled) -> None:
-        """Add steps back and jumps; where a block begins that is written twice, no clock steps back."""
+        """Add steps back and jumps; where a block begins that is written twice, or the newest record stands first, no
+        clock steps back."""
         steps = most = 0
         for number in self._back.numbers:
             rows = self._back.within(number)
             by_ns = rows["by_ns"][~doubled.begins(number)[rows["at"]]]
             steps, most = steps + len(by_ns), max(most, int(by_ns.max(initial=0)))
+        if steps >= FALLS and not self._forward:
+            found.falls += 1
+            return
         found.back_steps = max(found.back_steps, steps)
         found.back_ns = max(found.back_ns, most)
         if runs(self._close, self._count):

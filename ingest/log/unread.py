@@ -11,11 +11,12 @@ SHEETS, TEXTS = "sheets_unread", "numbers_as_text"
 
 
 def findings(name: str, settings: Mapping[str, Any]) -> list[QualityFlagged]:
-    """A flag of the file `name` for each: further sheets of a workbook, and columns with a unit in each cell."""
+    """A flag of the file `name` for each: further sheets of a workbook, and columns whose cells say more
+    than a number, or one that may be two."""
     told = {}
     if others := settings.get("other_sheets"):
         told[SHEETS] = f"sheet {settings['sheet']} was read, and not {', '.join(others)} ([time] sheet tells another)"
     if cells := settings.get("numbers_with_units"):
         said = ", ".join(f'{column} ("{cell}")' for column, cell in cells.items())
-        told[TEXTS] = f"read as text and not as numbers: {said}: export it without units or thousands signs"
+        told[TEXTS] = f"read as text and not as numbers: {said}: export it as plain numbers"
     return [QualityFlagged(flag=flag, says=f"{name}: {says}", detail={"file": name}) for flag, says in told.items()]

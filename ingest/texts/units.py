@@ -73,6 +73,7 @@ _UNITS: Mapping[str, tuple[str, str]] = {
     "N": ("N", "newton"),
     "T": ("T", "tesla"),
 }
+_WRITTEN: Mapping[str, str] = {"degC": "°C", "lpm": "l/min", "ohm": "Ω", "m/s2": "m/s²"}
 _PREFIXED = ("A", "V", "W", "ohm", "F", "H", "Hz", "Pa", "s", "J", "Wh", "Ah", "bar", "N", "T", "g")
 _PREFIXES = ("p", "n", "u", "m", "k", "M", "G")
 
@@ -83,6 +84,11 @@ def normal_unit(text: str | None) -> str | None:
         return None
     bare, mark = without_mark(tidy(text))
     return None if mark == "peak" else spellings().get(bare) or _folded().get(bare.casefold())
+
+
+def as_written(unit: str) -> str:
+    """A unit that is spelt as here, as people write it."""
+    return _WRITTEN.get(unit, unit)
 
 
 def tidy(text: str) -> str:

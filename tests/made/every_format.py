@@ -114,6 +114,11 @@ def write_twincat(path: Path, records: Sequence[Record]) -> None:
     path.write_text(f"{head}Name\t{NAME}\nUnit\tdegC (Temperature)\n\n" + "".join(rows))
 
 
+def write_jsonl(path: Path, records: Sequence[Record]) -> None:
+    rows = (json.dumps({"ts": stamp_ns(t_s) // 1_000_000, NAME: round(value, 2), "ok": True}) for t_s, value in records)
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+
+
 def write_lvm(path: Path, records: Sequence[Record]) -> None:
     tags = {"Writer_Version": 2, "Separator": "Tab", "Decimal_Separator": ".", "Multi_Headings": "No"}
     tags |= {"X_Columns": "One", "Time_Pref": "Absolute", "Date": f"{utc(0):%Y/%m/%d}", "Time": f"{utc(0):%H:%M:%S}"}
@@ -243,6 +248,7 @@ WRITERS: dict[str, Callable[[Path, Sequence[Record]], None]] = {
     "twincat": write_twincat,
     "atfx": write_atfx,
     "xlsx": write_xlsx,
+    "jsonl": write_jsonl,
     "csv": write_csv,
 }
 

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from ingest.texts.units import as_written
 from replay.engine.results.run import Metered, Run
 from replay.show.plots.plots import (
     WIDTH,
@@ -62,7 +63,7 @@ def _title(run: Run, metered: Metered) -> str:
 
 def _shown(metered: Metered, values: Floats) -> tuple[str, float]:
     """The unit that suits the size of values, and the factor to it."""
-    size, symbol = float(np.nanmax(np.abs(values), initial=0.0)), heat_words.SYMBOLS.get(metered.unit, metered.unit)
+    size, symbol = float(np.nanmax(np.abs(values), initial=0.0)), as_written(metered.unit)
     if metered.unit == "W":
         return ("kW", 1e-3) if size >= 1e4 else ("W", 1.0)
     return (f"m{symbol}", 1e3) if size < 1.0 else (symbol, 1.0)

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from ingest.catalogue.channels import ChannelData, current, find
 from ingest.catalogue.operating_points import OperatingPoints
 from ingest.morning.morning import Before, Night
+from ingest.texts.units import as_written
 from replay.show.plots.plots import ROWS, WIDTH, TimeAxis, draw, instants
 from replay.show.words import words
 from replay.show.words.figure import KEY_ABOVE, FigureTable, Plot, inline_svg, name_lines, named, panels, style, tick
@@ -41,7 +42,7 @@ def course(night: Night, columns: int) -> Plot | None:
         figure, axes = panels(WIDTH, [0.62] * len(drives) + [1.5] * len(groups), top=0.08)
         for ax, one in zip(axes, drives, strict=False):
             thousand = float(np.abs(one.value).max()) >= THOUSANDS
-            unit = f"[{'1000 ' if thousand else ''}{one.unit}]"
+            unit = f"[{'1000 ' if thousand else ''}{as_written(one.unit or '')}]"
             own: Any = {"color": INK[0], "linewidth": 0.8, "gid": named(f"{one.spec.quantity} {unit}")}
             draw(ax, time, one.t_ns, one.value / (1000 if thousand else 1), columns, **own)
             ax.set_ylabel(f"{one.spec.quantity}\n{unit}")
@@ -75,7 +76,7 @@ def _time_axis(channels: Sequence[ChannelData]) -> TimeAxis:
 def _table(time: TimeAxis, channels: Sequence[ChannelData]) -> FigureTable:
     first = channels[0]
     at = first.t_ns[instants(len(first.t_ns), ROWS)]
-    head = (time.label, *(f"{one.spec.name} [{one.unit}]" for one in channels))
+    head = (time.label, *(f"{one.spec.name} [{as_written(one.unit or '')}]" for one in channels))
     cells = [[f"{t:.2f}" for t in time.of(at)]]
     for one in channels:
         nearest = np.clip(np.searchsorted(one.t_ns, at), 0, len(one.t_ns) - 1)

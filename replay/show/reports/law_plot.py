@@ -7,6 +7,7 @@ from typing import Any
 
 from matplotlib.axes import Axes
 
+from ingest.texts.units import as_written
 from replay.show.plots.compare import MODELS
 from replay.show.plots.plots import WIDTH
 from replay.show.reports.verdict import figures
@@ -49,7 +50,7 @@ def _plot(diagnosis: Diagnosis, law: LawCourse) -> Plot:
 
 def _title(law: LawCourse) -> str:
     """ "Rotor surface to teeth at 12,681 rpm and 147 A: 17.5 W/K with the cause (13.2 to 21.7), 9.4 recalibrated"."""
-    load = [f"{words.number(round(value))} {words.unit(key.rpartition('_')[2])}" for key, value in law.at.items()]
+    load = [f"{words.number(round(value))} {as_written(key.rpartition('_')[2])}" for key, value in law.at.items()]
     last = max(i for i, speed in enumerate(law.speed_rpm) if speed <= law.trained_rpm[-1][1])
     at = f"{words.number(round(law.speed_rpm[last]))} rpm and {' and '.join(load)}"
     ends = [figures(values[last]) for values in (law.extended, law.low, law.high, law.recalibrated, law.published)]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from enum import Enum, auto
 
 from ingest.texts.times import clock
+from ingest.texts.units import as_written
 from replay.show.reports import kept_errors
 from replay.show.words import words
 from replay.studies.diagnosis.answer import Diagnosis, EvidenceParts, Named, Shown, UnnamedHeat
@@ -136,7 +137,7 @@ def size(cause: Named) -> str:
 
 def amount(estimate: float, ci95: Sequence[float], stored: str) -> str:
     """ "+96 W (88 to 104)", "+3.1 % (2.8 to 3.4)" of a share, in the unit "1"."""
-    scale, written = (100.0, "%") if stored == "1" else (1.0, words.unit(stored))
+    scale, written = (100.0, "%") if stored == "1" else (1.0, as_written(stored))
     low, high = (figures(scale * end) for end in ci95)
     return f"{' '.join(filter(None, [signed(scale * estimate), written]))} ({low} to {high})"
 
@@ -236,7 +237,7 @@ def active(heat: UnnamedHeat) -> str:
         ends = [words.number(words.rounded(end)) for end in (low, high)]
         span = f"about {ends[0]}" if ends[0] == ends[1] else " to ".join(ends)
         subject = "it" if name == heat.node else words.name(name)
-        parts.append(f"{subject} is {span} {words.unit(stored)}")
+        parts.append(f"{subject} is {span} {as_written(stored)}")
     return ", ".join(filter(None, [way, f"when {words.joined(parts)}" if parts else ""]))
 
 

@@ -50,7 +50,7 @@ def morning_text(found: Morning, given: Sequence[str]) -> str:
 
 UNEXPLAINED = (
     "no bench file says what the signals mean: they are guessed by name and unit, where the log has no units as rpm,"
-    " Nm, A, V and degC (whyhot inspect --bench-draft)."
+    " Nm, A, V and °C (whyhot inspect --bench-draft)."
 )
 
 

@@ -7,6 +7,7 @@ import shlex
 from ingest.catalogue.page import table
 from ingest.morning.differences import CellDifference, ChannelDifference
 from ingest.morning.repeat import Comparison, Repeat
+from ingest.texts.units import as_written
 from replay.show.words import words
 from replay.show.words.terminal import labelled
 from replay.show.words.width import width
@@ -109,7 +110,7 @@ def channel_row(one: ChannelDifference) -> tuple[str, ...]:
     explained = f"{figure(low)} to {figure(high)}" if _explains(one) else ""
     figures = (figure(one.first), figure(one.second), _signed(one.worst.difference))
     place = where_says(one.worst).removeprefix(" at about ").replace(" and ", ", ")
-    return one.channel, one.unit or "", *figures, explained, figure(one.floor), one.verdict, place
+    return one.channel, as_written(one.unit or ""), *figures, explained, figure(one.floor), one.verdict, place
 
 
 def _explains(one: ChannelDifference) -> bool:
@@ -138,7 +139,7 @@ def change_says(found: Repeat) -> list[str]:
 
 def amount(value: float, one: ChannelDifference) -> str:
     """A number with the unit of a channel's differences."""
-    unit = "K" if one.quantity == "temperature" else one.unit or ""
+    unit = "K" if one.quantity == "temperature" else as_written(one.unit or "")
     return f"{figure(value)} {unit}".strip()
 
 

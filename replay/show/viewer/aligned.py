@@ -11,6 +11,7 @@ import numpy as np
 from ingest.catalogue.channels import ChannelData
 from ingest.morning.matching import block_length, blocks, driven_by, match, operating
 from ingest.texts.quantities import STORED_UNIT
+from ingest.texts.units import as_written
 from replay.errors import ViewerError
 from replay.show.viewer import beside
 from replay.show.viewer.layer_file import LayerFile
@@ -113,7 +114,7 @@ def _layout(sessions: Sequence[SessionSeen]) -> Any:
         columns.append(rrb.Vertical(above, below, row_shares=[3, 2]))
     driven = {channel.spec.quantity for one in sessions for channel in operating(one.channels).values()}
     drive = [
-        series(f"{quantity} [{words.unit(STORED_UNIT[quantity])}]", [f"+ /{path('inputs', quantity)}/**"])
+        series(f"{quantity} [{as_written(STORED_UNIT[quantity])}]", [f"+ /{path('inputs', quantity)}/**"])
         for quantity in sorted(driven)
     ]
     grid = rrb.Grid(*columns, grid_columns=min(FIRST, max(1, len(columns))))

@@ -13,6 +13,7 @@ from ingest.bench.resolving import ResolvedChannel
 from ingest.catalogue.channels import ChannelData
 from ingest.errors import not_installed
 from ingest.facts.events import SessionRecorded
+from ingest.texts.units import as_written
 from replay.engine.results.run import Observed, Run
 from replay.errors import ViewerError
 from replay.show.plots.compare import MODELS, as_recorded
@@ -101,7 +102,7 @@ def rgba(colour: str) -> int:
 
 def unit(spec: ResolvedChannel) -> str:
     """The unit of a channel's stored values, as people write it."""
-    return words.unit(spec.stored_unit or "")
+    return as_written(spec.stored_unit or "")
 
 
 def sdk() -> Any:

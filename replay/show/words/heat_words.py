@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 
 from ingest.texts.times import clock
+from ingest.texts.units import as_written
 from replay.engine.results.summary import DeratingCourse, MeterErrors, ModelledSpot, SmoothedSpot, Summary
 from replay.engine.specimen.aged import LAW
 from replay.show.words import words
@@ -18,7 +19,6 @@ KINDS: Mapping[str, str] = {
     "mechanical": "bearings and windage",
     "other": "other",
 }
-SYMBOLS = {"ohm": "Ω"}
 BANDS = {  # where a hot spot's band is from -> what it holds
     "calibration": "; 95 %, by what its calibration left unknown of the model, not by errors of its form",
     "motor file": "; 95 %, by the sd of the motor file: calibrate it for a narrower one",
@@ -164,7 +164,7 @@ def meter(one: MeterErrors) -> str:
 
 def quantity(value: float, unit: str) -> str:
     """A number with its unit, three digits: "12.5 mΩ", "1,240 W"."""
-    small, symbol = unit in ("ohm", "Wb") and abs(value) < 0.1, SYMBOLS.get(unit, unit)
+    small, symbol = unit in ("ohm", "Wb") and abs(value) < 0.1, as_written(unit)
     number, shown = (value * 1e3, "m" + symbol) if small else (value, symbol)
     text = f"{number:,.0f}" if abs(number) >= 100 else f"{number:.3g}"
     return f"{text.replace('-', '−')} {shown}"

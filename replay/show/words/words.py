@@ -13,12 +13,6 @@ PLACES: Mapping[str, tuple[str, str]] = {  # key of `where` -> words before, uni
     "temperature_degC": ("when it is at", "°C"),
     "torque_Nm": ("at", "Nm"),
 }
-UNITS: Mapping[str, str] = {"degC": "°C", "lpm": "l/min", "ohm": "Ω", "m/s2": "m/s²"}  # as stored -> as people write it
-
-
-def unit(stored: str) -> str:
-    """A stored unit as people write it."""
-    return UNITS.get(stored, stored)
 
 
 def kelvin(value: float) -> str:

@@ -1,4 +1,5 @@
-"""Faults of the data themselves: held, stuck, saturated and lost samples, weighed as causes."""
+"""Faults of the data themselves: held, stuck, saturated and lost samples, weighed as causes. Where a whole record
+repeats, no sensor has a fault."""
 
 from __future__ import annotations
 
@@ -70,7 +71,7 @@ def _weighed(
     name, start_ns = channel.spec.name, current.model.tests[s].start_ns
     t_s = (channel.t_ns - start_ns) / 1e9
     for kind in ("held", "stuck", "saturated"):
-        some = [one for one in found.stretches if one.kind == kind]
+        some = [one for one in found.stretches if one.kind == kind and not one.together]
         if some:
             at_s = [((x.start_ns - start_ns) / 1e9, (x.end_ns - start_ns) / 1e9) for x in some]
             stretches = [Stretch(kind, *ends, x.value) for ends, x in zip(at_s, some, strict=True)]

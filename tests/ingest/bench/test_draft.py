@@ -134,6 +134,11 @@ def test_a_drafted_node_keeps_umlauts_and_knows_what_places_are_called(name: str
     assert f'node = "{node}"\n' in draft_bench([Signal(name, unit="°C")], {}, "a.csv")
 
 
+@pytest.mark.parametrize(("beside", "node"), [("T_three", "four"), ("T_ambiante", "oven"), ("T_one", "four")])
+def test_four_is_a_number_among_numbers_and_an_oven_elsewhere(beside: str, node: str) -> None:
+    assert f'node = "{node}"\n' in draft_bench([Signal(beside, unit="°C"), Signal("T_four", unit="°C")], {}, "a.csv")
+
+
 @pytest.mark.parametrize(
     "name",
     [

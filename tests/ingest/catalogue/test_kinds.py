@@ -173,11 +173,11 @@ def test_current_at_standstill_is_a_dc_check() -> None:
 def test_heat_without_speed_or_current_is_ageing() -> None:
     oven = np.r_[np.linspace(25, 230, 600), np.full(3600 * 2, 230.0)]
     kind, why = recognise([channel("T1", "temperature", oven, role="observed", node="winding_a")])
-    assert kind == "ageing" and why.startswith("2.0 h within 10 K of 230 degC")
+    assert kind == "ageing" and why.startswith("2.0 h within 10 K of 230 °C")
     warm = channel("T1", "temperature", np.full(600, 60.0), node="oven")
     assert recognise([warm])[0] == "ageing"
     room = channel("T1", "temperature", np.full(600, 23.0), node="winding_a")
-    assert recognise([room]) == ("other", "temperatures only, none above 23 degC, and no speed is recorded")
+    assert recognise([room]) == ("other", "temperatures only, none above 23 °C, and no speed is recorded")
 
 
 def test_electrical_values_of_the_insulation_are_an_insulation_check() -> None:
@@ -216,7 +216,7 @@ def test_a_year_in_an_oven_takes_no_more_memory_than_it_has_samples_for() -> Non
     oven = channel("oven_air", "temperature", 180.0 + np.sin(hours), t_s=hours * 3600.0)
     tracemalloc.start()
     try:
-        assert recognise([oven]) == ("ageing", "8639.0 h within 10 K of 181 degC, and no speed is recorded")
+        assert recognise([oven]) == ("ageing", "8639.0 h within 10 K of 181 °C, and no speed is recorded")
         assert tracemalloc.get_traced_memory()[1] < 400e6
     finally:
         tracemalloc.stop()

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ingest.catalogue.channels import ChannelData
 from ingest.catalogue.quality import assess, findings, noise_of, seconds
+from ingest.morning.sensors import alone
 from made.channels import channel
 from made.places import EXAMPLES
 
@@ -213,3 +214,44 @@ def test_twenty_channels_of_a_hundred_thousand_samples_take_seconds_at_most() ->
 @pytest.mark.parametrize(("value", "text"), [(0.84, "0.8 s"), (240.0, "240 s"), (900.0, "15 min"), (12_600.0, "3.5 h")])
 def test_durations_are_said_as_a_person_says_them(value: float, text: str) -> None:
     assert seconds(value) == text
+
+
+def logged(first: int, last: int, *, step: float, rest: float = 1.0) -> list[ChannelData]:
+    """Speed, torque, current and three temperatures that repeat one record from `first` to `last`, resolved to `step`
+    of their noise, which is `rest` times as large meanwhile."""
+    own = {"speed": 1500.0, "torque": 40.0, "current": 100.0, "T_a": 60.0, "T_b": 50.0, "T_c": 40.0}
+    found = []
+    for i, (name, level) in enumerate(own.items()):
+        draws = np.random.default_rng(i).normal(0, 1, 3600)
+        draws[first : last + 1] = draws[first] if rest == 0.0 else rest * draws[first : last + 1]
+        value = level + np.round(draws / step) * step
+        observed = name.startswith("T_")
+        more: dict[str, Any] = {"role": "observed", "node": name[2:]} if observed else {}
+        found.append(channel(name, "temperature" if observed else name, value, **more))
+    return found
+
+
+@pytest.mark.parametrize(("first", "last", "kind"), [(0, 39, "held"), (1000, 1039, "held"), (3500, 3599, "stuck")])
+def test_a_record_that_repeats_is_said_once_and_is_no_fault_of_a_sensor(first: int, last: int, kind: str) -> None:
+    channels = logged(first, last, step=0.01, rest=0.0)
+    found = assess(channels)
+    assert {(one.kind, one.first, one.last) for each in found for one in each.stretches} == {(kind, first, last)}
+    assert [len(each.stretches) for each in found] == [1] * 6
+    assert not found[3].good[first + 1 : last + 1].any() and found[3].good.sum() == 3600 - (last - first)
+    (flag,) = findings(found)
+    assert flag.flag == "record_repeated"
+    assert flag.says == (
+        f"one record is repeated for {last - first} s (speed, torque and 4 more), as a logger does that waits for its "
+        "trigger or has lost its source: temperatures masked"
+    )
+    assert alone(channels, found, []) == []
+
+
+def test_coarse_channels_at_rest_repeat_no_record() -> None:
+    assert findings(assess(logged(0, 39, step=1.0, rest=0.02))) == []
+
+
+def test_some_fine_channels_at_rest_among_others_repeat_no_record() -> None:
+    frozen, moving_on = logged(0, 39, step=0.01, rest=0.0), logged(0, 39, step=0.01)
+    found = assess([*frozen[:3], *moving_on[3:]])
+    assert not any(one.together for each in found for one in each.stretches)

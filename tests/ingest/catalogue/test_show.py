@@ -237,7 +237,8 @@ def test_the_page_says_kind_sources_channels_power_and_points(store: Store) -> N
     assert "2025-10-09 08:53:20 UTC, 0:19:59, session " in text
     assert "inverter = sw 4.2" in text
     assert text.endswith("next: whyhot replay 3_wltp")
-    assert next(line for line in text.splitlines() if "MAG_1  " in line).split()[-2:] == ["299", "s"]
+    mag = next(line for line in text.splitlines() if "MAG_1  " in line).split()
+    assert (mag[2], mag[-2:]) == ("°C", ["299", "s"])
     assert max(map(len, text.splitlines())) <= 100
     assert max(map(len, page.render(description, width=72).splitlines())) <= 72
 

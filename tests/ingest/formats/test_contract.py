@@ -156,7 +156,6 @@ def test_a_file_of_no_known_format_is_refused_with_those_that_are(tmp_path: Path
 
 
 HEADS = {  # of files that programs beside loggers write -> what a person does there
-    "Time;T".encode("utf-16-le"): "in UTF-8",
     b"%PDF-1.4": "as CSV",
     b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1": "soffice --convert-to xlsx",
     b"PK\x03\x04" + bytes(26) + b"mimetypeapplication/vnd.oasis.opendocument.spreadsheet": "soffice --convert-to xlsx",

@@ -90,15 +90,21 @@ def test_encoding_is_recognised(tmp_path: Path, encoding: str, said: str) -> Non
 
 
 @pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be"])
+@pytest.mark.parametrize("mark", ["\ufeff", ""])
 @pytest.mark.parametrize("packed", [bytes, gzip.compress])
 @pytest.mark.parametrize("block", [1 << 20, 1001])  # of bytes: a character may be cut between two
-def test_utf_16_with_its_mark_is_read(
-    tmp_path: Path, encoding: str, packed: Callable[[bytes], bytes], block: int, monkeypatch: pytest.MonkeyPatch
+def test_utf_16_is_read_with_its_mark_and_without(
+    tmp_path: Path,
+    encoding: str,
+    mark: str,
+    packed: Callable[[bytes], bytes],
+    block: int,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("ingest.formats._text.BLOCK", block)
     path = tmp_path / "log.csv"
     rows = "".join(f"{k};{k},5\r\n" for k in range(500))
-    path.write_bytes(packed(f"\ufeffZeit;Öl [°C]\r\n{rows}".encode(encoding)))
+    path.write_bytes(packed(f"{mark}Zeit;Öl [°C]\r\n{rows}".encode(encoding)))
     log, t_ns, columns = read(path)
     assert t_ns == [k * S_NS for k in range(500)]
     assert (columns, log.units) == ({"Öl [°C]": [k + 0.5 for k in range(500)]}, {"Öl [°C]": "°C"})
@@ -111,11 +117,6 @@ def test_utf_16_that_ends_inside_a_character_keeps_its_whole_rows(tmp_path: Path
     log, t_ns, _ = read(path)
     assert (t_ns, len(log.rejected)) == ([0, S_NS], 1)
     assert log.cut and log.cut.startswith("ends inside line 4")
-
-
-def test_utf_16_without_its_mark_is_refused_with_what_to_do(tmp_path: Path) -> None:
-    with pytest.raises(UnreadableLogError, match=r"log\.csv: is text in UTF-16 without its mark\. Save it in UTF-8\."):
-        read(table(tmp_path, "t;T\n0;20\n", encoding="utf-16-le"))
 
 
 @pytest.mark.parametrize("line", ["\0\0\0", "1;2\0", "1;\x1b\u202e", "1;20;;;;" + "9" * 5000])
@@ -226,6 +227,11 @@ def test_a_delimiter_at_the_end_of_each_row_is_a_column_without_name(tmp_path: P
     log, _, columns = read(table(tmp_path, f"t;T\n{rows}300;21,5;stopped\n"))
     assert (columns["T"][-1], columns["column_3"][0], columns["column_3"][-1]) == (21.5, "", "stopped")
     assert not log.rejected
+
+
+def test_a_delimiter_at_the_end_of_the_names_alone_makes_no_column(tmp_path: Path) -> None:
+    log, _, columns = read(table(tmp_path, "time;T;\ns;°C\n0;20\n1;21\n2;22\n"))
+    assert (columns, log.units, list(log.rejected)) == ({"T": [20, 21, 22]}, {"time": "s", "T": "°C"}, [])
 
 
 def test_decimal_commas_between_commas_are_refused_with_what_to_do(tmp_path: Path) -> None:
@@ -393,9 +399,62 @@ def test_groups_that_are_not_of_three_digits_are_no_number(tmp_path: Path, text:
     assert [entry.why for entry in log.rejected] == [f'text "{text}" where numbers are']
 
 
-def test_numbers_with_units_in_their_cells_are_texts_that_are_named(tmp_path: Path) -> None:
-    log, _, _ = read(table(tmp_path, "time,T,n,note\n0,20.5 °C,1000 rpm,\n1,21.5 °C,1001 rpm,b\n"))
-    assert log.settings["numbers_with_units"] == {"T": "20.5 °C", "n": "1000 rpm"}
+@pytest.mark.parametrize("end", ["", "3 s,oops,1000 rpm,\n"])  # all rows together, and one by one
+def test_units_in_the_cells_are_those_of_their_columns(tmp_path: Path, end: str) -> None:
+    rows = "0 s,20.5 °C,1000 rpm,\n1 s,--- °C,1001rpm,b\n2 s,21 °C,,\n"
+    log, t_ns, columns = read(table(tmp_path, f"time,T,n,note\n{rows}{end}"))
+    np.testing.assert_array_equal(columns["T"], [20.5, np.nan, 21])
+    np.testing.assert_array_equal(columns["n"], [1000, 1001, np.nan])
+    assert (t_ns, log.units) == ([0, S_NS, 2 * S_NS], {"time": "s", "T": "°C", "n": "rpm"})
+    assert len(log.rejected) == (end != "")
+    assert "numbers_with_units" not in log.settings
+
+
+def test_units_in_the_cells_may_stand_behind_decimal_commas(tmp_path: Path) -> None:
+    log, _, columns = read(table(tmp_path, "Zeit;T;M [x];U;d\n0;20,5 °C;1.200,5 Nm;5,0V;50%\n1;21 °C;7 Nm;5,1V;5%\n"))
+    assert (columns["T"], columns["M [x]"], columns["U"], columns["d"]) == ([20.5, 21], [1200.5, 7], [5, 5.1], [50, 5])
+    assert log.units == {"T": "°C", "M [x]": "Nm", "U": "V", "d": "%"}
+
+
+@pytest.mark.parametrize(
+    "cells",
+    [
+        ("12A", "13A"),
+        ("1 pc", "2 pc"),
+        ("12-", "13-"),
+        ("900 mV", "1.2 A"),
+        ("20 °C", "290 K"),
+        ("5 V", "b"),
+        ("1.5k", "900m"),
+    ],
+)
+def test_cells_that_do_not_end_in_units_of_one_kind_stay_texts(tmp_path: Path, cells: tuple[str, str]) -> None:
+    _, _, columns = read(table(tmp_path, "time,T,x\n0,20," + "\n1,21,".join(cells) + "\n"))
+    assert columns["x"] == [*cells]
+
+
+@pytest.mark.parametrize("cell", ["1.5-", "20 ± 0.5", "20±0.5"])
+def test_numbers_with_signs_behind_them_are_texts_that_are_named(tmp_path: Path, cell: str) -> None:
+    log, _, columns = read(table(tmp_path, f"time,T,n\n0,{cell},1\n1,{cell},2\n"))
+    assert (columns["T"], log.settings["numbers_with_units"]) == ([cell, cell], {"T": cell})
+
+
+def test_numbers_with_units_of_several_kinds_in_their_cells_are_texts_that_are_named(tmp_path: Path) -> None:
+    log, _, _ = read(table(tmp_path, "time,T,U\n0,20,900 mV\n1,21,1.2 A\n"))
+    assert log.settings["numbers_with_units"] == {"U": "900 mV"}
+
+
+@pytest.mark.parametrize("rows", [4, 400])  # before the meter chooses another range: what is looked at first, and more
+def test_a_meter_may_choose_its_range_row_by_row(tmp_path: Path, rows: int) -> None:
+    cells = ["5 mV", *["900.5 mV"] * (rows - 2), "---- V", "1.25 V", "1,2"]
+    log, _, columns = read(table(tmp_path, "time;U\n" + "".join(f"{k};{cell}\n" for k, cell in enumerate(cells))))
+    np.testing.assert_allclose(columns["U"], [5, *[900.5] * (rows - 2), np.nan, 1250])
+    assert (log.units, [one.why for one in log.rejected]) == ({"U": "mV"}, ['text "1,2" where numbers are'])
+
+
+def test_a_row_of_data_is_no_header_where_its_time_is_one(tmp_path: Path) -> None:
+    log, t_ns, columns = read(table(tmp_path, "time,M\n0,(1.5)\n1,(2.5)\n2,3.5\n3,4.5\n4,5.5\n"))
+    assert (t_ns, columns, log.found) == ([2 * S_NS, 3 * S_NS, 4 * S_NS], {"M": [3.5, 4.5, 5.5]}, 5)
 
 
 def test_numbers_that_may_have_thousands_are_texts_that_are_named(tmp_path: Path) -> None:
@@ -406,7 +465,22 @@ def test_numbers_that_may_have_thousands_are_texts_that_are_named(tmp_path: Path
 
 @pytest.mark.parametrize(
     "cell",
-    ["NoValue", "Overflow", "OVER RANGE", "∞", "-∞", "---O-F---", "BURN OUT", "Open circuit", "OTC", "no data"],
+    [
+        "NoValue",
+        "Overflow",
+        "OVER RANGE",
+        "∞",
+        "-∞",
+        "---O-F---",
+        "BURN OUT",
+        "Open circuit",
+        "OTC",
+        "no data",
+        "Fühlerbruch",
+        "FÜHLERBRUCH",
+        "Fuori scala",
+        "hors échelle",
+    ],
 )
 def test_a_sensor_that_says_that_it_failed_is_a_missing_number(tmp_path: Path, cell: str) -> None:
     log, t_ns, columns = read(table(tmp_path, f"t,T,U\n0,20,1\n1,{cell},2\n2,21,3\n"))

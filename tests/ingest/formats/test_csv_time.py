@@ -90,6 +90,22 @@ def test_a_table_without_time_is_refused_with_both_ways_out(tmp_path: Path) -> N
     )
 
 
+@pytest.mark.parametrize("cells", ["1.74194E+12 1.74194E+12", "1.741939E+09 1.741939E+09 1.741940E+09"])
+def test_times_that_were_rounded_when_they_were_saved_are_refused(tmp_path: Path, cells: str) -> None:
+    path = table(tmp_path, "timestamp,T\n" + "".join(f"{cell},20\n" for cell in cells.split()))
+    with pytest.raises(
+        UnreadableLogError, match=r'"timestamp" holds "1\.7419\d+E\+\d+" in several rows: its times were'
+    ):
+        read(path)
+    assert read(path, TimeSpec(rate_hz=1.0))[1][:2] == [0, S_NS]
+
+
+def test_a_time_of_day_with_dots_is_not_offered_as_a_day(tmp_path: Path) -> None:
+    with pytest.raises(UnreadableLogError, match=r'"Uhrzeit" holds "08\.00\.00"') as refusal:
+        read(table(tmp_path, "Uhrzeit;T\n08.00.00;20,5\n08.00.01;20,6\n"))
+    assert "(its days)" not in str(refusal.value)
+
+
 def test_a_date_without_a_clock_is_shown_in_the_refusal(tmp_path: Path) -> None:
     path = table(tmp_path, "Time,T\n2024-03-01,20\n2024-03-02,21\n")
     with pytest.raises(UnreadableLogError, match=r'\("Time" holds "2024-03-01", which is no whole stamp\)'):
@@ -119,6 +135,140 @@ def test_a_time_of_day_that_is_none_is_rejected(tmp_path: Path) -> None:
         table(tmp_path, "Time,T\n11:59:59 AM,1\n12:61:00 PM,1\n13:00:00 PM,1\n12:00:01 PM,1\n12:00:02 PM,1\n")
     )
     assert (t_ns, len(log.rejected)) == ([s * S_NS for s in (43_199, 43_201, 43_202)], 2)
+
+
+@pytest.mark.parametrize(
+    ("name", "cells", "seconds"),
+    [
+        ("Time", "14:02 14:03 14:04", [50_520, 50_580, 50_640]),
+        ("Uhrzeit", "23:59 00:00 00:01", [86_340, 86_400, 86_460]),
+        ("Time [hh:mm]", "00:00 00:05 00:10", [0, 300, 600]),
+        ("Time [mm:ss]", "05:00 05:01 05:02", [300, 301, 302]),
+        ("Time", "12:59AM 1:00AM 1:01AM", [3540, 3600, 3660]),
+        ("Time", "00:00 00:01 24:00", [0, 1, 1440]),
+    ],
+)
+def test_hours_and_minutes_alone_are_told_from_minutes_and_seconds(
+    tmp_path: Path, name: str, cells: str, seconds: list[int]
+) -> None:
+    log, t_ns, _ = read(table(tmp_path, f"{name};T\n" + "".join(f"{cell};1\n" for cell in cells.split())))
+    assert (t_ns, log.absolute, len(log.rejected)) == ([s * S_NS for s in seconds], False, 0)
+
+
+@pytest.mark.parametrize(
+    ("head", "day", "clocks", "says", "seconds"),
+    [
+        (
+            "date,time",
+            "20240301",
+            "140058 140059 140100",
+            "year month day hour minute second",
+            [50_458, 50_459, 50_460],
+        ),
+        (
+            "date,time",
+            "20240301",
+            "080058 080059 080100",
+            "year month day hour minute second",
+            [28_858, 28_859, 28_860],
+        ),
+        ("Datum,Zeit", "01032024", "80059.5 80100.0", "day month year hour minute second", [28_859.5, 28_860]),
+        ("Date,Time", "20240301", "1359 1400", "year month day hour minute", [50_340, 50_400]),
+        ("x,time", "1", "140058 140059 140100", "time of day", [50_458, 50_459, 50_460]),
+        ("x,Zeit", "1", "080058 080059 080100", "time of day", [28_858, 28_859, 28_860]),
+    ],
+)
+def test_times_of_day_may_be_digits(
+    tmp_path: Path, head: str, day: str, clocks: str, says: str, seconds: list[float]
+) -> None:
+    log, t_ns, _ = read(table(tmp_path, f"{head},T\n" + "".join(f"{day},{cell},20\n" for cell in clocks.split())))
+    midnight_s = MARCH_NS // S_NS // 86_400 * 86_400 if log.absolute else 0
+    assert log.settings["time"].startswith(f"{says} in digits")
+    assert (t_ns, list(log.rejected)) == ([round((midnight_s + at_s) * S_NS) for at_s in seconds], [])
+
+
+def test_seconds_are_no_digits_of_a_time_of_day(tmp_path: Path) -> None:
+    for counts in (range(12_340, 12_440), range(60), range(100_000, 100_040), range(140_000, 141_000, 50)):
+        log, t_ns, _ = read(table(tmp_path, "time,T\n" + "".join(f"{count},20\n" for count in counts)))
+        assert (t_ns, log.settings["time"]) == ([count * S_NS for count in counts], "s from the start")
+
+
+@pytest.mark.parametrize(
+    ("head", "row"),
+    [
+        ("date,time,tz", "2024-03-01,09:00:0{k},CET"),
+        ("tz,Timestamp", "+01:00,2024-03-01 09:00:0{k}"),
+        ("Stamp,UTC Offset,ms", "01.03.2024 09:00:0{k},UTC+1,0"),
+        ("Time (UTC),tz", "2024-03-01 08:00:0{k},CET"),
+        ("Time,tz", "2024-03-01T08:00:0{k}Z,CET"),
+    ],
+)
+def test_a_zone_in_a_column_of_its_own_belongs_to_the_stamp(tmp_path: Path, head: str, row: str) -> None:
+    path = table(tmp_path, f"{head},T\n" + "".join(f"{row.format(k=k)},20\n" for k in range(3)))
+    for spec in (TimeSpec(), TimeSpec(zone="America/New_York")):
+        log, t_ns, columns = read(path, spec)
+        if spec.zone == "UTC" or "Time (UTC)" not in head:
+            assert (t_ns, log.absolute) == ([MARCH_NS + k * S_NS for k in range(3)], True)
+    assert ("tz" in columns) == (head in ("Time (UTC),tz", "Time,tz"))
+
+
+@pytest.mark.parametrize("cells", ["23:59:59 1.00:00:00.5", "23:59:59,1 day 0:00:00.5", "0d 23:59:59,1d 00:00:00.5"])
+def test_times_since_a_start_go_on_after_a_day(tmp_path: Path, cells: str) -> None:
+    said = cells.split("," if "," in cells else " ")
+    _, t_ns, _ = read(table(tmp_path, "Elapsed;T\n" + "".join(f"{cell};20\n" for cell in said)))
+    assert t_ns == [86_399 * S_NS, 86_400 * S_NS + S_NS // 2]
+
+
+@pytest.mark.parametrize(
+    ("head", "rows", "wanted"),
+    [
+        ("time_s,ms", "0,0 0,500 1,0 1,250", [0, 500_000_000, S_NS, 1_250_000_000]),
+        (
+            "timestamp,usec",
+            "1709280000,0 1709280000,500000 1709280001,1",
+            [MARCH_NS, MARCH_NS + S_NS // 2, MARCH_NS + S_NS + 1000],
+        ),
+        ("time,nsec", "0,0 0,500000000 1,0", [0, S_NS // 2, S_NS]),
+        ("time_s,time_ms", "0,0 0,500 1,1000 1,1500", [0, 0, S_NS, S_NS]),
+        ("time,ms", "0.0,0 0.5,500 1.0,0", [0, S_NS // 2, S_NS]),
+    ],
+)
+def test_parts_of_a_second_in_a_column_of_their_own_belong_to_whole_seconds(
+    tmp_path: Path, head: str, rows: str, wanted: list[int]
+) -> None:
+    _, t_ns, _ = read(table(tmp_path, f"{head},T\n" + "".join(f"{row},20\n" for row in rows.split())))
+    assert t_ns == wanted
+
+
+def test_days_as_matlab_counts_them_are_dates(tmp_path: Path) -> None:
+    days = [739_312 + (8 * 3600 + k) / 86_400 for k in range(60)]  # datenum(2024, 3, 1)
+    for zone, hours in (("UTC", 0), ("Europe/Berlin", 1)):
+        path = table(tmp_path, "time,T\n" + "".join(f"{day:.9f},20\n" for day in days))
+        log, t_ns, _ = read(path, TimeSpec(zone=zone))
+        assert log.absolute
+        np.testing.assert_allclose(
+            np.array(t_ns) - MARCH_NS, [(k - 3600 * hours) * S_NS for k in range(60)], atol=60_000
+        )
+
+
+@pytest.mark.parametrize("clock", ["140000.25", "080000", "0800"])
+def test_a_short_date_in_digits_is_asked_for_in_words_that_work(tmp_path: Path, clock: str) -> None:
+    path = table(tmp_path, f"UTC Date,UTC Time,T\n140325,{clock},20\n140325,{clock},21\n")
+    with pytest.raises(UnreadableLogError, match=r"may begin with the day, the month or the year") as refusal:
+        read(path)
+    form = str(refusal.value).split('format = "')[1].split('"')[0]
+    (first, _), log = (found := read(path, TimeSpec(format=form)))[1], found[0]
+    assert log.absolute and first % (86_400 * S_NS) == (50_400_250_000_000 if "." in clock else 28_800 * S_NS)
+
+
+@pytest.mark.parametrize(("form", "step_s"), [("%H:%M", 60), ("%M:%S", 1)])
+def test_what_may_be_both_is_asked_for_in_words_that_work(tmp_path: Path, form: str, step_s: int) -> None:
+    path = table(tmp_path, "Zeit;T\n00:00;1\n00:01;2\n00:02;3\n")
+    with pytest.raises(UnreadableLogError, match='"Zeit" holds "00:00", which is no whole stamp') as refusal:
+        read(path)
+    assert f'format = "{form}"' in str(refusal.value)
+    for spec in (TimeSpec(format=form), TimeSpec(format=form, column="Zeit")):
+        assert read(path, spec)[1] == [0, step_s * S_NS, 2 * step_s * S_NS]
 
 
 @pytest.mark.parametrize(("name", "unit_ns"), [("millis", 1_000_000), ("timestamp_us", 1000)])
@@ -231,8 +381,8 @@ def test_a_stamp_that_is_none_is_rejected(tmp_path: Path, cell: str) -> None:
         ),
         (TimeSpec(column="T"), 'column "T" holds "warm", which is no number and no stamp that is known. Say format ='),
         (
-            TimeSpec(column="Time", format="%H:%M"),
-            'format = "%H:%M" under [time] of the bench file holds no whole date.',
+            TimeSpec(column="Time", format="%d.%m. %H:%M"),
+            'format = "%d.%m. %H:%M" under [time] of the bench file holds no whole date.',
         ),
         (TimeSpec(column="Time", format="%Y-%W"), 'format = "%Y-%W" under [time] of the bench file holds %W, which is'),
     ],

@@ -241,12 +241,6 @@ def test_a_table_of_a_logger_is_read_whole(one: Logged, tmp_path: Path) -> None:
     assert (log.found, list(log.rejected)) == (3, [])
 
 
-def test_hours_and_minutes_are_not_taken_for_minutes_and_seconds(tmp_path: Path) -> None:
-    (log := tmp_path / "log.csv").write_text("time,T\n08:58,20\n08:59,21\n09:00,22\n", encoding="utf-8")
-    with pytest.raises(UnreadableLogError, match='"time" holds "08:58", which is no whole stamp'):
-        read(log)
-
-
 def test_a_time_of_day_may_be_named_in_the_bench_file(tmp_path: Path) -> None:
     (path := tmp_path / "log.csv").write_text("a,b,T\n08:00:00,1,20\n08:00:01,2,21\n", encoding="utf-8")
     log, t_ns, _ = read(path, TimeSpec(column="a"))
@@ -450,3 +444,50 @@ def test_a_table_of_which_no_row_can_be_read_leaves_the_other_one(
     assert main(["ingest", str(tmp_path / "log.csv"), "--store", str(tmp_path / "store")]) == 1
     said = capsys.readouterr().out
     assert "decoded 3 " in said and "rejected 1 " in said
+
+
+DL = """\
+"Header Size","11"
+"Model Name","DL850"
+"BlockNumber","1"
+"TraceName","T, end","n"
+"BlockSize","3","3"
+"VUnit","C","rpm"
+"HResolution","5.0E-01","5.0E-01"
+"HOffset","-5.0E-01","-5.0E-01"
+"HUnit","s","s"
+"Date","2025/03/14","2025/03/14"
+"Time","08:00:00.12","08:00:00.12"
+
+,2.00E+01,5.0E+00
+,2.10E+01,6.0E+00
+,,7.0E+00
+"""
+
+
+@pytest.mark.parametrize("timed", [False, True])
+@pytest.mark.parametrize("unquoted", [False, True])
+def test_labels_above_a_table_say_its_names_units_and_rate(tmp_path: Path, timed: bool, unquoted: bool) -> None:
+    text = DL.replace("T, end", "T end" if unquoted else "T, end")
+    for k in range(3) if timed else ():
+        text = text.replace("\n,", f"\n{k / 2},", 1)
+    (path := tmp_path / "dl.csv").write_text(text.replace('"', "") if unquoted else text, encoding="utf-8")
+    log, t_ns, columns = read(path)
+    names = ("T end", "n")
+    assert t_ns == [0, S_NS // 2, S_NS]
+    assert [same(columns[name], want) for name, want in zip(names, ([20, 21, NAN], [5, 6, 7]), strict=True)] == [
+        True,
+        True,
+    ]
+    assert [log.units[name] for name in names] == ["C", "rpm"]
+    assert (log.found, list(log.rejected), log.settings["header_line"]) == (3, [], 11)
+
+
+@pytest.mark.parametrize(
+    ("label", "other"), [('"BlockNumber","1"', '"BlockNumber","2"'), ('"5.0E-01"\n"HO', '"1"\n"HO')]
+)
+def test_several_blocks_or_rates_below_labels_are_refused(tmp_path: Path, label: str, other: str) -> None:
+    assert label in DL
+    (path := tmp_path / "dl.csv").write_text(DL.replace(label, other), encoding="utf-8")
+    with pytest.raises(UnreadableLogError):
+        read(path)

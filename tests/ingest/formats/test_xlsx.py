@@ -87,6 +87,8 @@ def test_the_sample_is_read_whole(tmp_path: Path, made: bool) -> None:
     ("header", "cells", "wanted", "absolute"),
     [
         (["Time"], [[time(0)], [time(0, 0, 1, 500_000)]], [0, 1_500_000_000], False),
+        (["Uhrzeit"], [[time(23, 59, 59)], [time(0, 0, 0, 500_000)]], [86_399 * S_NS, 86_400_500_000_000], False),
+        (["Time"], [[time(23, 59, 59)], [timedelta(hours=25)]], [86_399 * S_NS, 90_000 * S_NS], False),
         (["Time"], [[timedelta(hours=25)], [timedelta(hours=25, seconds=1)]], [90_000 * S_NS, 90_001 * S_NS], False),
         (["Time [ms]"], [[0], [250.5]], [0, 250_500_000], False),
         (["Datum", "Uhrzeit"], [[date(2024, 3, 1), time(0)], [date(2024, 3, 1), time(0, 0, 1)]], [0, S_NS], True),

@@ -36,6 +36,17 @@ def test_a_column_of_several_tables_spans_them_all(tmp_path: Path) -> None:
     assert (seen.low, seen.high) == (15.0, 90.0)
 
 
+@pytest.mark.parametrize(("remark", "names"), [("", ["T"]), ("door open", ["T", "column_3"])])
+def test_a_column_without_name_is_a_signal_where_it_holds_something(
+    tmp_path: Path, remark: str, names: list[str]
+) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(f"time;T;\n0;20,5;\n1;21,5;{remark}\n", encoding="utf-8")
+    found = inspect([path], [], None)
+    assert [one.signal.name for one in found.signals] == names
+    assert ("column_3" in draft(found)) == (remark != "")
+
+
 def test_a_unit_at_the_end_of_a_name_is_seen_and_drafted(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("time,speed_rpm,EW_3_degC\n0,1000,20\n1,1001,21\n", encoding="utf-8")

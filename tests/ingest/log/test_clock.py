@@ -67,6 +67,12 @@ def test_a_clock_that_steps_back_is_said(tmp_path: Path, capsys: Capture, suffix
     assert said(tmp_path, capsys, suffix, late) == ["its clock steps back by 36.8 s"]
 
 
+def test_a_log_with_its_newest_record_first_has_no_clock_that_steps_back(tmp_path: Path, capsys: Capture) -> None:
+    assert said(tmp_path, capsys, "csv", GOOD[::-1]) == [
+        "it runs from the newest record to the oldest: put in the order of time"
+    ]
+
+
 @every_format
 def test_stamps_that_come_twice_are_counted_by_whether_their_values_are_equal(
     tmp_path: Path, capsys: Capture, suffix: str

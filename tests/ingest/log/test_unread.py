@@ -18,13 +18,13 @@ def test_a_further_table_and_cells_with_units_are_said_and_kept(
     for name, sheet in (("cold", book.active), ("hot", book.create_sheet("hot"))):
         assert sheet is not None
         sheet.title = name
-        for row in (["t", "T", "p"], [0, 20, "1.0 bar"], [1, 21, "1.1 bar"]):
+        for row in (["t", "T", "p"], [0, 20, "1.0 bar"], [1, 21, "1.1 rpm"]):
             sheet.append(row)
     book.create_sheet("notes").append(["all well"])  # holds no table: nobody misses it
     book.save("two.xlsx")
     says = [
         "two.xlsx: sheet cold was read, and not hot ([time] sheet tells another)",
-        'two.xlsx: read as text and not as numbers: p ("1.0 bar"): export it without units or thousands signs',
+        'two.xlsx: read as text and not as numbers: p ("1.0 bar"): export it as plain numbers',
     ]
     assert main(["inspect", "two.xlsx"]) == 0
     looked = capsys.readouterr().out

@@ -99,7 +99,7 @@ def test_what_start_and_drive_explain_is_not_said_to_stay_within_its_floor() -> 
         ", but for what start and drive may explain: MAG reads 8.0 K more at about 6,000 rpm (start and drive explain "
         "0.0 to 6.8 K, floor 1.4 K)"
     )
-    assert channel_row(magnet)[5] == "0.0 to 6.8"
+    assert (channel_row(magnet)[1], channel_row(magnet)[5]) == ("°C", "0.0 to 6.8")
     equal = replace(magnet, worst=replace(place, second=121.0 - 1e-13, explained=(-1e-14, 0.0)), verdict="within")
     assert channel_row(equal)[4:6] == ("0.0", "")
     assert floor_kept(replace(beside, channels=(equal,))) == ": nothing exceeds its floor"
