@@ -14,7 +14,7 @@ UNKNOWN = "unknown instead"  # a heat of any course beat every candidate before 
 SCREENED = "linear score"  # too low to be refitted, though nothing else was named before
 RAN_AWAY = "ran away"  # the model diverges with it
 IMPOSSIBLE = (
-    "impossible"  # refitted above the threshold, but it takes away more than there is, or moves hardly anything
+    "impossible"  # above the threshold, but it takes away more than there is, or moves hardly anything
 )
 WEAK = "after refit"  # refitted, and not above the threshold or what chance gives
 OTHER_FIRST = "other first"  # above the threshold, but another came first and left too little of it

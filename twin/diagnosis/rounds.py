@@ -47,7 +47,7 @@ def is_possible(parameter: Parameter, amplitude: float) -> bool:
 @dataclass(frozen=True)
 class Refit:
     """A candidate after a full fit: ln BF against the model without it by Laplace and where that comes from, amplitude
-    and its sd; how far it moves a reading at most (`moved`), in sd of the slow discrepancy that a lumped model has there
+    and its sd; `moved`: how far it moves a reading at most, in sd of the slow discrepancy that a model of lumps has there
     anyway. `left_out`: what it says of sessions left out, where these judge and evidence would let it in."""
 
     candidate: Candidate
