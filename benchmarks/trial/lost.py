@@ -13,9 +13,7 @@ EXCHANGE = "no exchange"  # the scan for exchanged channels did not find it
 UNKNOWN = "unknown instead"  # a heat of any course beat every candidate before any refit
 SCREENED = "linear score"  # too low to be refitted, though nothing else was named before
 RAN_AWAY = "ran away"  # the model diverges with it
-IMPOSSIBLE = (
-    "impossible"  # above the threshold, but it takes away more than there is, or moves hardly anything
-)
+IMPOSSIBLE = "impossible"  # above the threshold, but it takes away more than there is, or moves hardly anything
 WEAK = "after refit"  # refitted, and not above the threshold or what chance gives
 OTHER_FIRST = "other first"  # above the threshold, but another came first and left too little of it
 LEFT_OUT = "left out"  # entered, and went when each was left out once

@@ -47,8 +47,8 @@ def is_possible(parameter: Parameter, amplitude: float) -> bool:
 @dataclass(frozen=True)
 class Refit:
     """A candidate after a full fit: ln BF against the model without it by Laplace and where that comes from, amplitude
-    and its sd; `moved`: how far it moves a reading at most, in sd of the slow discrepancy that a model of lumps has there
-    anyway. `left_out`: what it says of sessions left out, where these judge and evidence would let it in."""
+    and its sd; `moved`: how far it moves a reading at most, in sd of the slow discrepancy that lumps have there anyway.
+    `left_out`: what it says of sessions left out, where these judge and evidence would let it in."""
 
     candidate: Candidate
     parameter: Parameter
@@ -66,10 +66,15 @@ class Refit:
         return is_possible(self.parameter, self.amplitude)
 
     @property
+    def of_form(self) -> bool:
+        """Whether it is no more than the file's own form may do. Quiet readings know tenths of a kelvin at each step of
+        an input well, which no lump gets right."""
+        return self.moved <= LEAST_MOVED
+
+    @property
     def nameable(self) -> bool:
-        """Whether it can be a cause: it is possible, and more than the file's own form may do. Fast readings know
-        tenths of a kelvin at each step of an input well, which no lump gets right."""
-        return self.possible and self.moved > LEAST_MOVED
+        """Whether it can be a cause."""
+        return self.possible and not self.of_form
 
     @property
     def ended(self) -> bool:

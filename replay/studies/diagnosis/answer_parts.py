@@ -217,7 +217,7 @@ def _why_not(naming: Naming, one: Round, refit: Refit) -> str:
         return f"its refit was stopped early: it would have stayed about {ahead - refit.promised:.1f} behind in ln BF"
     if not refit.possible:
         return "it would have to take away more than there is"
-    if not refit.nameable:
+    if refit.of_form:
         return "it moves no reading by more than a model of lumps is off by anyway"
     if refit.left_out is not None:
         return _said_by_sessions(one, refit)
