@@ -28,3 +28,18 @@ def channel(name: str, quantity: str, value: ArrayLike, rate_Hz: float = 1.0, **
         raw=np.zeros(len(values), np.int64),
         raws=(raw,),
     )
+
+
+def logged(first: int, last: int, *, step: float, rest: float = 1.0) -> list[ChannelData]:
+    """Speed, torque, current and three temperatures that repeat one record from `first` to `last`, resolved to `step`
+    of their noise, which is `rest` times as large meanwhile."""
+    own = {"speed": 1500.0, "torque": 40.0, "current": 100.0, "T_a": 60.0, "T_b": 50.0, "T_c": 40.0}
+    found = []
+    for i, (name, level) in enumerate(own.items()):
+        draws = np.random.default_rng(i).normal(0, 1, 3600)
+        draws[first : last + 1] = draws[first] if rest == 0.0 else rest * draws[first : last + 1]
+        value = level + np.round(draws / step) * step
+        observed = name.startswith("T_")
+        more: dict[str, Any] = {"role": "observed", "node": name[2:]} if observed else {}
+        found.append(channel(name, "temperature" if observed else name, value, **more))
+    return found

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ingest.catalogue.channels import ChannelData
 from ingest.catalogue.quality import assess, findings, noise_of, seconds
 from ingest.morning.sensors import alone
-from made.channels import channel
+from made.channels import channel, logged
 from made.places import EXAMPLES
 
 EXAMPLES = EXAMPLES / "hust_motor"
@@ -214,21 +214,6 @@ def test_twenty_channels_of_a_hundred_thousand_samples_take_seconds_at_most() ->
 @pytest.mark.parametrize(("value", "text"), [(0.84, "0.8 s"), (240.0, "240 s"), (900.0, "15 min"), (12_600.0, "3.5 h")])
 def test_durations_are_said_as_a_person_says_them(value: float, text: str) -> None:
     assert seconds(value) == text
-
-
-def logged(first: int, last: int, *, step: float, rest: float = 1.0) -> list[ChannelData]:
-    """Speed, torque, current and three temperatures that repeat one record from `first` to `last`, resolved to `step`
-    of their noise, which is `rest` times as large meanwhile."""
-    own = {"speed": 1500.0, "torque": 40.0, "current": 100.0, "T_a": 60.0, "T_b": 50.0, "T_c": 40.0}
-    found = []
-    for i, (name, level) in enumerate(own.items()):
-        draws = np.random.default_rng(i).normal(0, 1, 3600)
-        draws[first : last + 1] = draws[first] if rest == 0.0 else rest * draws[first : last + 1]
-        value = level + np.round(draws / step) * step
-        observed = name.startswith("T_")
-        more: dict[str, Any] = {"role": "observed", "node": name[2:]} if observed else {}
-        found.append(channel(name, "temperature" if observed else name, value, **more))
-    return found
 
 
 @pytest.mark.parametrize(("first", "last", "kind"), [(0, 39, "held"), (1000, 1039, "held"), (3500, 3599, "stuck")])
