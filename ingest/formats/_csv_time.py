@@ -9,6 +9,7 @@ from dataclasses import replace
 from math import isnan
 from statistics import median
 from typing import Any
+from zoneinfo import ZoneInfo, available_timezones
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,6 +67,7 @@ from ingest.formats._csv_time_names import (
     is_date_name,
     is_time_name,
     is_x,
+    is_zone_name,
     unit_of_time,
     words,
 )
@@ -105,8 +107,10 @@ def recognise_clock(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
                 f'{log}: column = "{time.column}" under [time] of the bench file is none of the table.'
                 f"{hint(time.column, dialect.names)} Its columns: {', '.join(dialect.names)[:300]}."
             )
-        return _stated(time, time.column, dialect, log)
-    return _found(time, dialect, log)
+        clock = _stated(time, time.column, dialect, log)
+    else:
+        clock = _found(time, dialect, log)
+    return _in_named_zone(clock, dialect, log) if isinstance(clock, Stamped) else clock
 
 
 def _stated(time: TimeSpec, column: str, dialect: Dialect, log: str) -> Clock:
@@ -490,15 +494,36 @@ def _of_cells(
 
 def _with_zone(clock: Stamped, dialect: Dialect) -> Stamped:
     """The clock with the zone that a column of its own says of each stamp, where the stamps say none."""
-    if "(?P<z>" not in clock.pattern or any(
-        re.search(f"{ZONE}$", cell.strip()) for cell in _time_cells(clock, dialect)
-    ):
-        return clock
-    if any("utc" in words(name) for name in clock.columns):
+    if _says_zone(clock, dialect):
         return clock
     others = (name for name in dialect.names if name not in clock.columns and not _is_number(dialect, name))
     column = next((name for name in others if _fits(f"^{ZONE}$", dialect, name)), None)
     return clock if column is None else replace(clock, columns=(*clock.columns, column), zoned=True)
+
+
+def _says_zone(clock: Stamped, dialect: Dialect) -> bool:
+    """Whether the stamps themselves say their zone, or cannot have one."""
+    if "(?P<z>" not in clock.pattern or clock.zoned or any("utc" in words(name) for name in clock.columns):
+        return True
+    return any(re.search(f"{ZONE}$", cell.strip()) for cell in _time_cells(clock, dialect))
+
+
+def _in_named_zone(clock: Stamped, dialect: Dialect, log: str) -> Stamped:
+    """The clock in the IANA zone that every cell of a column says which is called a zone. Where it says another thing,
+    the bench file has to say the zone. Raises UnreadableLogError."""
+    own, column = clock.local.zone, next((x for x in dialect.names if x not in clock.columns and is_zone_name(x)), None)
+    if column is None or _says_zone(clock, dialect):
+        return clock
+    said = {cell.strip() for cell in _cells(dialect, column)} - MISSING
+    if len(said) == 1 and said <= available_timezones():
+        says, zone = clock.says.removesuffix(f" in {own.key}"), ZoneInfo(said.pop())
+        return replace(clock, says=f"{says} in {zone.key}", local=LocalClock(zone))
+    if not said or own.key != "UTC":
+        return clock
+    raise UnreadableLogError(
+        f'{log}: column "{column}" says a zone otherwise than +01:00, CET or Europe/Rome. Say it as '
+        '`zone = "Europe/Rome"` under [time] of the bench file.'
+    )
 
 
 def _with_part(clock: Stamped, dialect: Dialect) -> Stamped:

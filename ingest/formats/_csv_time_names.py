@@ -24,6 +24,7 @@ _TIMES = (
 TIME_NAMES = frozenset(_TIMES.split())
 X_NAMES = frozenset(("x", "xaxis", "xachse", "xvalue", "xvalues", "xwert", "xwerte"))
 DATE_WORDS = frozenset(("date", "datetime", "datum", "data", "fecha"))
+ZONE_WORDS = frozenset(("tz", "timezone", "zeitzone"))
 _PARTS = (
     "year jahr anno année annee año ano yyyy yy",
     "month monat mese mois mes mm",
@@ -69,6 +70,12 @@ def is_x(name: str, dialect: Dialect, said: str | None = None) -> bool:
 def is_date_name(name: str) -> bool:
     """Whether the name of a column says that it holds a date."""
     return bool(DATE_WORDS.intersection(words(name)))
+
+
+def is_zone_name(name: str) -> bool:
+    """Whether the name of a column says that it holds the zone of its stamps."""
+    said = words(name)
+    return bool(ZONE_WORDS.intersection(said)) or {"utc", "offset"} <= {*said}
 
 
 def base_and_unit(name: str) -> tuple[str, str | None]:

@@ -1,7 +1,7 @@
 """The time of tables: which column holds it, what its cells mean, and what is asked where they may mean two things."""
 
 from dataclasses import replace
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 from zoneinfo import ZoneInfo
 
@@ -210,6 +210,22 @@ def test_a_zone_in_a_column_of_its_own_belongs_to_the_stamp(tmp_path: Path, head
         if spec.zone == "UTC" or "Time (UTC)" not in head:
             assert (t_ns, log.absolute) == ([MARCH_NS + k * S_NS for k in range(3)], True)
     assert ("tz" in columns) == (head in ("Time (UTC),tz", "Time,tz"))
+
+
+def test_a_zone_may_be_said_by_its_name(tmp_path: Path) -> None:
+    rows = "".join(f"2024-07-01 09:00:0{k},Europe/Berlin,20\n" for k in range(3))
+    log, t_ns, _ = read(table(tmp_path, "Time,timezone,T\n" + rows), TimeSpec(zone="America/New_York"))
+    assert t_ns == [utc_ns(datetime(2024, 7, 1, 7, tzinfo=UTC)) + k * S_NS for k in range(3)]
+    assert log.settings["time"].endswith("in Europe/Berlin")
+
+
+@pytest.mark.parametrize(("name", "cell"), [("tz", "PST"), ("utc_offset", "1"), ("Zeitzone", "Sommerzeit")])
+def test_a_zone_that_is_not_understood_is_asked_for(tmp_path: Path, name: str, cell: str) -> None:
+    path = table(tmp_path, f"Time,{name},T\n" + "".join(f"2024-07-01 09:00:0{k},{cell},20\n" for k in range(3)))
+    with pytest.raises(UnreadableLogError, match=f'column "{name}" says a zone otherwise than'):
+        read(path)
+    _, t_ns, _ = read(path, TimeSpec(zone="America/Los_Angeles"))
+    assert t_ns[0] == utc_ns(datetime(2024, 7, 1, 16, tzinfo=UTC))
 
 
 @pytest.mark.parametrize("cells", ["23:59:59 1.00:00:00.5", "23:59:59,1 day 0:00:00.5", "0d 23:59:59,1d 00:00:00.5"])
