@@ -144,11 +144,10 @@ class Naming:
     @property
     def best(self) -> float:
         """The highest ln BF of a candidate by its linear score. Where leading ones were refitted and none was let in by
-        evidence, what they seemed to explain no longer stands against anything: then that of one that is no more than
-        the file's own form may do, or 0. Where sessions left out let none in, no heat of any course predicts these
-        either."""
-        if (refits := self.rounds[0].refits) and not self.accepted and not self.judged:
-            return max((r.log_bayes_factor for r in refits if r.of_form), default=0.0)
+        evidence, what they seemed to explain no longer stands against anything, but for what is no more than the file's
+        own form may do. Where sessions left out let none in, no heat of any course predicts these either."""
+        if self.rounds[0].refits and not self.accepted and not self.judged:
+            return self.rounds[0].form
         return float(self.rounds[0].scores.log_bayes_factor.max(initial=0.0))
 
     @property

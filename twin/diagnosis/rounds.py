@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from enum import Enum, auto
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
 from twin.diagnosis.evidence import Projector, Scores, null_quantile, score
@@ -111,15 +112,16 @@ def against(before: LeftOut, after: LeftOut) -> Against | None:
 @dataclass(frozen=True)
 class Round:
     """One search for one more term at the fit `base` without it: all `candidates` with their `parameters`, `scores`,
-    and `gram` (m, m) V'P V; `null`, the 95 % quantile of the best ln BF by chance; `refits` of the leading ones; ids of
-    those that are `dropped` as the model runs away with them; what the base says of sessions left out (`left_out`),
-    where these judge."""
+    and `gram` (m, m) V'P V; `moved` (m,), as of a refit, by the linear amplitude; `null`, the 95 % quantile of the best
+    ln BF by chance; `refits` of the leading ones; ids of those that are `dropped` as the model runs away with them;
+    what the base says of sessions left out (`left_out`), where these judge."""
 
     base: Fit
     candidates: tuple[Candidate, ...]
     parameters: tuple[Parameter, ...]
     scores: Scores
     gram: Floats
+    moved: Floats
     null: float
     refits: tuple[Refit, ...]
     dropped: tuple[str, ...]
@@ -166,17 +168,29 @@ class Round:
         """Candidates, best linear score first."""
         return _order(self.scores)
 
-    def possible(self) -> list[int]:
-        """Candidates that, by their linear amplitude, take away no more than there is, best linear score first."""
-        return _possible(self.parameters, self.scores)
+    @property
+    def of_form(self) -> NDArray[np.bool_]:
+        """(m,) which candidates are no more than the file's own form may do, by their linear amplitude."""
+        return self.moved <= LEAST_MOVED
+
+    @property
+    def form(self) -> float:
+        """The highest ln BF of what is no more than the file's own form may do; 0 without any."""
+        linear = self.scores.log_bayes_factor[self.of_form].max(initial=0.0)
+        return max([float(linear), *(r.log_bayes_factor for r in self.refits if r.of_form)])
+
+    def nameable(self) -> list[int]:
+        """Candidates that can be named by their linear amplitude, best linear score first."""
+        return _nameable(self.parameters, self.scores, self.moved)
 
 
 def _order(scores: Scores) -> list[int]:
     return [int(i) for i in np.argsort(-scores.log_bayes_factor, kind="stable")]
 
 
-def _possible(parameters: Sequence[Parameter], scores: Scores) -> list[int]:
-    return [i for i in _order(scores) if is_possible(parameters[i], float(scores.amplitude[i]))]
+def _nameable(parameters: Sequence[Parameter], scores: Scores, moved: Floats) -> list[int]:
+    possible = [is_possible(one, float(a)) for one, a in zip(parameters, scores.amplitude, strict=True)]
+    return [i for i in _order(scores) if possible[i] and moved[i] > LEAST_MOVED]
 
 
 def scored(current: Fit, candidates: Sequence[Candidate]) -> Round:
@@ -184,17 +198,19 @@ def scored(current: Fit, candidates: Sequence[Candidate]) -> Round:
     found = weighed(current, candidates)
     gram = found.projector.inner(found.columns, found.columns)
     null = null_quantile(gram, found.scores.sigma, found.scores.sign)
-    return Round(current, found.candidates, found.parameters, found.scores, gram, null, (), found.dropped)
+    of_round = found.candidates, found.parameters, found.scores
+    return Round(current, *of_round, gram, found.moved, null, (), found.dropped)
 
 
 @dataclass(frozen=True)
 class Weighed:
-    """Candidates that move a reading, their parameters and scores at a fit; their whitened `columns` (N, m) beside
-    its projector; and ids of those that are `dropped` as the model runs away with them."""
+    """Candidates that move a reading, their parameters and scores at a fit; `moved` as of a round; their whitened
+    `columns` (N, m) beside its projector; and ids of those that are `dropped` as the model runs away with them."""
 
     candidates: tuple[Candidate, ...]
     parameters: tuple[Parameter, ...]
     scores: Scores
+    moved: Floats
     projector: Projector
     columns: Floats
     dropped: tuple[str, ...]
@@ -207,7 +223,13 @@ def weighed(current: Fit, candidates: Sequence[Candidate]) -> Weighed:
     sigma = np.array([p.sd for p in parameters])
     sign = np.array([c.sign for c in chosen], dtype=np.float64)
     scores = score(columns, e0, projector, sigma, sign)
-    return Weighed(tuple(chosen), tuple(parameters), scores, projector, columns, tuple(dropped))
+    moves = [
+        np.abs(part.extra).max(axis=0, initial=0.0) / current.model.noise_of(part.series.channel).ou_sd
+        for part in parts
+        if part.series.measured
+    ]
+    moved = np.abs(scores.amplitude) * np.max(moves, axis=0)
+    return Weighed(tuple(chosen), tuple(parameters), scores, moved, projector, columns, tuple(dropped))
 
 
 def uncalibrated(current: Fit, healthy: int) -> Floats:
@@ -272,7 +294,7 @@ _Leading = tuple[Candidate, Parameter, Floats | None]  # and where its refit sta
 
 
 def _leading(found: Round, judging: bool) -> list[_Leading]:
-    linear, leading = found.scores.log_bayes_factor, found.possible()[: ASKED_ABOUT if judging else REFITTED]
+    linear, leading = found.scores.log_bayes_factor, found.nameable()[: ASKED_ABOUT if judging else REFITTED]
     least = WORTH_REFITTING if judging else max([WORTH_REFITTING, *linear[leading[:1]] - FAR_BEHIND])
     return [(found.candidates[i], found.parameters[i], None) for i in leading if linear[i] >= least]
 
@@ -283,8 +305,8 @@ def _leading_at(found: Round, beta: Floats) -> list[_Leading]:
         there = weighed(fit(found.base.model, beta, linearisations=1), found.candidates)
     except DivergedError:
         return []
-    possible = _possible(there.parameters, there.scores)
-    leading = [i for i in possible[:1] if there.scores.log_bayes_factor[i] >= WORTH_REFITTING]
+    nameable = _nameable(there.parameters, there.scores, there.moved)
+    leading = [i for i in nameable[:1] if there.scores.log_bayes_factor[i] >= WORTH_REFITTING]
     amounts = there.scores.amplitude
     return [(there.candidates[i], there.parameters[i], np.append(beta, amounts[i])) for i in leading]
 

@@ -55,6 +55,7 @@ def told_apart(found: Round, leader: Candidate, log_bf_unknown: float, listed: f
 def _refitted(found: Round) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     """ln BF and amplitude of every candidate, of its refit where it has one, and whether it has."""
     log_bf, amplitude = found.scores.log_bayes_factor.copy(), found.scores.amplitude.copy()
+    log_bf[found.of_form] = np.minimum(0.0, log_bf[found.of_form])
     refitted = np.zeros(len(log_bf), dtype=np.bool_)
     for refit in found.refits:
         i = found.candidates.index(refit.candidate)

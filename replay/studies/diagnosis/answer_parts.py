@@ -34,6 +34,7 @@ from twin.motor.sensor_laws import Misreading
 RIVALS = 5
 NOBODY_KEPT = "no session was kept: say --hold-out"
 NO_TORQUE = "a motor that brakes needs a map over the torque, and these sessions have none, or its motor file no scale"
+OF_FORM = "it moves no reading by more than a model of lumps is off by anyway"
 ONE_ALONE = f"with fewer than {ENOUGH_SESSIONS} sessions none can be left out to say whether a second term holds"
 OTHER_CAUSES, WORTH_TELLING = "other causes", 0.1  # families that are relieved by less, in ln, are not told
 
@@ -203,6 +204,10 @@ def rivals(naming: Naming, refused: Sequence[tuple[Refit, str]]) -> list[Rival]:
         add(refit.candidate, refit.log_bayes_factor, why, refit)
     for candidate, value in naming.left_out:
         add(candidate, value, "let in first; left out at the end, the fit is about as good")
+    first = naming.rounds[0]
+    for i in first.order():
+        if first.of_form[i] and first.scores.log_bayes_factor[i] > naming.threshold:
+            add(first.candidates[i], float(first.scores.log_bayes_factor[i]), OF_FORM)
     for one in naming.rounds:
         for refit in sorted(one.refits, key=lambda r: -r.log_bayes_factor):
             add(refit.candidate, refit.log_bayes_factor, _why_not(naming, one, refit), refit)
@@ -218,7 +223,7 @@ def _why_not(naming: Naming, one: Round, refit: Refit) -> str:
     if not refit.possible:
         return "it would have to take away more than there is"
     if refit.of_form:
-        return "it moves no reading by more than a model of lumps is off by anyway"
+        return OF_FORM
     if refit.left_out is not None:
         return _said_by_sessions(one, refit)
     if last and refit.log_bayes_factor > naming.threshold:

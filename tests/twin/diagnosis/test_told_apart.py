@@ -57,7 +57,7 @@ def _round(
     nothing = cast(Any, None)
     one = Parameter("one", InputGain("current"), sd=1.0)
     found = tuple(Refit(candidates[i], one, nothing, bf, a, 0.1, nothing, 9.0) for i, (bf, a) in refits.items())
-    return Round(nothing, candidates, (one,) * 4, scores, 4.0 * rho, 4.0, found, ())
+    return Round(nothing, candidates, (one,) * 4, scores, 4.0 * rho, np.full(4, 9.0), 4.0, found, ())
 
 
 ALIKE = np.array([[1.0, 0.999, 0.1, 0.0], [0.999, 1.0, 0.1, 0.0], [0.1, 0.1, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
@@ -138,7 +138,7 @@ def _searched() -> Round:
     amplitude = np.full(len(kept), 150.0)
     j = np.diag(gram)
     scores = Scores(amplitude * (1 + j * sigma**2) / sigma**2, j, sigma, np.zeros(len(kept)), np.full(len(kept), 9.0))
-    return Round(base, tuple(kept), tuple(parameters), scores, gram, 4.0, (), ())
+    return Round(base, tuple(kept), tuple(parameters), scores, gram, np.full(len(kept), 9.0), 4.0, (), ())
 
 
 def test_the_separation_after_one_more_test_is_that_of_both_tests_stacked() -> None:

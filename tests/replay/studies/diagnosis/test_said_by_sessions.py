@@ -45,6 +45,6 @@ LET_IN = refit([4.0, 4.0, 4.0, 4.0], 0.5)
 )
 def test_each_reason_is_said_with_its_figure(other: Refit, why: str) -> None:
     nothing = cast(Any, None)
-    one = Round(nothing, (), (), nothing, nothing, 3.0, (LET_IN, other), (), BEFORE)
+    one = Round(nothing, (), (), nothing, nothing, nothing, 3.0, (LET_IN, other), (), BEFORE)
     assert one.best is LET_IN
     assert _said_by_sessions(one, other) == why
