@@ -10,6 +10,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from math import isnan
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import _csv_numbers
@@ -58,6 +59,24 @@ class Dialect:
         renamed = {said: [names[one] for one in called] for said, called in self.renamed.items()}
         in_cells = {names[one]: unit for one, unit in self.in_cells.items()}
         return replace(self, names=tuple(names.values()), units=units, renamed=renamed, in_cells=in_cells)
+
+    def is_number(self, column: str) -> bool:
+        """Whether a column holds numbers."""
+        return self.numeric[self.names.index(column)] is True
+
+    def cells_of(self, column: str) -> list[str]:
+        """The cells of a column in the sample."""
+        place = self.names.index(column)
+        return [row[place] for row in self.sample]
+
+    def said(self, column: str) -> list[str]:
+        """Those of them that are not missing."""
+        return [cell for cell in self.cells_of(column) if cell not in _csv_numbers.MISSING]
+
+    def numbers(self, column: str) -> list[float]:
+        """Those of them that are numbers."""
+        values = map(self.numerals.value, self.cells_of(column))
+        return [value for value in values if value is not None and not isnan(value)]
 
 
 def cells(line: str, delimiter: str) -> list[str]:

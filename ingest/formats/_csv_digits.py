@@ -9,7 +9,6 @@ import numpy as np
 
 from ingest.formats._csv_clocks import seconds_of_digits
 from ingest.formats._csv_dialect import Dialect
-from ingest.formats._csv_numbers import MISSING
 from ingest.formats._csv_stamps import CLOCK_DIGITS, DATE_DIGITS, SHORT_DATE
 from ingest.formats._csv_time_names import base_and_unit, is_date_name, is_time_name, unit_of_time
 
@@ -24,11 +23,11 @@ def in_digits(column: str, dialect: Dialect) -> bool:
     if any(clock == column for _, clock in digit_pairs(dialect)):
         return True
     unit = unit_of_time(base_and_unit(column)[1] or dialect.units.get(column))
-    said = _said(column, dialect)
+    said = dialect.said(column)
     seconds = np.array([seconds_of_digits(cell) for cell in said])
     if unit or not is_time_name(column) or len(said) < 2 or np.isnan(seconds).any():
         return False
-    if dialect.numeric[dialect.names.index(column)] is not True:
+    if not dialect.is_number(column):
         return True
     counts = np.array([float(cell.replace(",", ".")) for cell in said])
     short = counts[0] >= LEAST and 0 < np.median(np.diff(counts)) < LEFT_OUT
@@ -49,10 +48,5 @@ def says_seconds(column: str, dialect: Dialect) -> bool:
 
 def _have_one_of(forms: Sequence[str], column: str, dialect: Dialect) -> bool:
     """Whether the cells of a column all have one of these forms."""
-    said = _said(column, dialect)
+    said = dialect.said(column)
     return bool(said) and any(all(re.fullmatch(form, cell) for cell in said) for form in forms)
-
-
-def _said(column: str, dialect: Dialect) -> list[str]:
-    place = dialect.names.index(column)
-    return [row[place] for row in dialect.sample if row[place] not in MISSING]

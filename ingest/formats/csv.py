@@ -41,8 +41,9 @@ from ingest.formats._csv_labels import labels_aside
 from ingest.formats._csv_lines import LineReader, Lines
 from ingest.formats._csv_numbers import MISSING, OTHER, Numerals
 from ingest.formats._csv_series import TimedColumns, series_of
+from ingest.formats._csv_stamp_columns import times_of
 from ingest.formats._csv_tables import BELOW, first_table, is_header
-from ingest.formats._csv_time import recognise_clock, times_of
+from ingest.formats._csv_time import recognise_clock
 from ingest.formats._long_tables import LongTable, recognise_long
 from ingest.formats._text import TextFile, decoded, place_of
 
