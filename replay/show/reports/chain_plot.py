@@ -40,10 +40,11 @@ def _title(chain: Sequence[ChainStep]) -> str:
     first, last = chain[0], chain[-1]
     told = [first, next(step for step in chain if step.step == 0), last]
     before, between, after = words.figures([steps.mean_K(step.left_out_mae_K) for step in told])
-    models = (
-        f"{between} K where the recalibrated model and {after} K where that with {words.counted(last.step, 'term')}"
+    terms = words.counted(last.step, "term")
+    return (
+        f"A session predicted from the others: {before} K off as published, {between} K recalibrated, {after} K with "
+        f"{terms} more"
     )
-    return f"A session is {before} K off as published, {models} more learns from the other sessions"
 
 
 def _draw(chain: Sequence[ChainStep]) -> Figure:
