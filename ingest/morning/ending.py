@@ -122,7 +122,7 @@ def _of_load(warm: Sequence[ChannelData], off_ns: int, end_ns: int, kind: str) -
     if end_ns - off_ns <= TAIL_s * 1e9:
         return SessionEnd("log ends", f"the log ends under load; {warms}")
     if kind == "s1" and rate - 2 * sd > STEADY_K_per_h:
-        return SessionEnd("not steady", f"the load went off before: {warms}")
+        return SessionEnd("not steady", warms.replace(way, f"still {way}", 1))
     return SessionEnd("unknown", f"the load went off {seconds((end_ns - off_ns) / 1e9)} before the log's end")
 
 

@@ -80,8 +80,13 @@ def _moved(parameters: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 
 def _moved_row(p: Mapping[str, Any]) -> tuple[str, ...]:
     spread = f"{100.0 * (math.exp(float(p['sd'])) - 1.0):.1f} %"
-    values = (f"{p['before']:.5g}", f"{p['value']:.5g}", str(p["unit"]))
+    values = (_figures(p["before"]), _figures(p["value"]), str(p["unit"]))
     return str(p["name"]), *values, spread, "at its bound" if p["held"] else ""
+
+
+def _figures(value: float) -> str:
+    """Three digits, of which an sd of percents leaves no more: "1,370", "15.1", "0.745"."""
+    return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
 
 
 def _profile(one: Mapping[str, Any]) -> str:
