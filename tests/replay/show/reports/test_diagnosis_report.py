@@ -346,6 +346,7 @@ def test_bars_are_errors_as_recorded_and_marks_are_fitted_ones() -> None:
     bare = gain_bars(replace(NAMED, gain=[gain("magnet", 6.1, 0.9, (4.1, 6.0), 9.0)]))
     assert bare is not None and "fitted 6.1 K" in bare.svg and "(fitted" not in bare.svg
     assert bare.table.rows[0][1:5] == ("–", "–", "–", "9.00")
+    assert bare.table.rows[0][7] == "0.00", "nothing has no sign"
 
 
 def test_the_table_of_the_gain_gives_each_error_as_recorded_first(html: str) -> None:
