@@ -205,7 +205,7 @@ def slope(one: Specimen) -> str:
 
 
 def _percent_per_100h(slope: float | None) -> str:
-    return "-" if slope is None else f"{slope:+.1f} %".replace("-", "−")
+    return "-" if slope is None else f"{words.signed(slope)} %"
 
 
 def _percent(value: float | None) -> str:

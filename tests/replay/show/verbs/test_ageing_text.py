@@ -12,7 +12,7 @@ import pytest
 from ingest.facts.archive import Archive
 from made.ageing import STILL, WORSE, assessment
 from replay.engine.specimen.heat_history import HoursByTemperature
-from replay.show.verbs.ageing import ageing_text, answer, course
+from replay.show.verbs.ageing import ageing_text, answer, course, slope
 from replay.studies.ageing.assessment import AgeingLaw, Assessment, Batch, HotHours, StressEffect, document, read
 from replay.studies.ageing.tables import Tables
 
@@ -33,6 +33,8 @@ def test_one_course_has_one_name_in_sentence_and_table() -> None:
 
 def test_a_course_without_change_has_no_slope_of_its_own_beside_that_of_its_fleet() -> None:
     assert course(STILL).startswith("no change beyond repeatability (probability")
+    flat_fleet = replace(STILL, fleet_slope_percent_per_100h=-0.02)
+    assert slope(flat_fleet) == "0.0 %", "nothing has no sign"
 
 
 def test_of_too_few_specimens_none_is_said_not_to_stand_out() -> None:
