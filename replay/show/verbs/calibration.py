@@ -52,7 +52,8 @@ def _errors(errors: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         if "unit" in e:
             before, after = (heat_words.quantity(e[key], e["unit"]) for key in ("before", "after"))
             course = f"{before} -> {after}" if before != after else f"{before}, unchanged"
-            gain = f", meter reads {100 * e['gain']:+.1f} % too much".replace("-", "−") if abs(e["gain"]) > 5e-4 else ""
+            much = "much" if e["gain"] > 0 else "little"
+            gain = f", meter reads {100 * abs(e['gain']):.1f} % too {much}" if abs(e["gain"]) > 5e-4 else ""
             yield f"{e['session_name']}  {words.name(str(e['place']))} ({e['channel']})   {course}{gain}"
 
 
