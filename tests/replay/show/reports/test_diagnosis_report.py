@@ -434,6 +434,7 @@ def test_the_chain_falls_step_by_step_in_bars_and_in_a_table() -> None:
     assert plot.title == (
         "A session predicted from the others: 9.0 K off as published, 6.0 K recalibrated, 0.9 K with 2 terms more"
     )
+    assert "--blue" not in plot.svg and "--vermillion" not in plot.svg, "colours that models have"
     assert plot.table.rows[0][:3] == ("As published", "–", "–")
     assert plot.table.rows[-1] == ("+ sensor.endwinding_b_outer.gain", "41", "3 of 3", "0.60", "1.20", "0.80", "1.60")
     for text in ("9.00", "5.10", "+ loss.magnet.speed2_current2", ">kept<", ">predicted from the others<"):
