@@ -67,7 +67,7 @@ def _(store):
 def _(cells, course_rows, folder):
     courses = course_rows.to_arrow_table().to_pylist()
     forms = {
-        "dip_then_rise": "R falls first, then rises",
+        "dip_then_rise": "R falls, then rises",
         "changepoint": "R changes course",
     }
 
@@ -81,7 +81,8 @@ def _(cells, course_rows, folder):
         if not row["significant"]:
             return f"no change beyond repeatability ({row['repeatability_percent']:.1f} %), {slope}"
         monotone = "R rises" if row["slope_percent_per_100h"] > 0 else "R falls"
-        turn = "" if row["change_at_dose_h"] is None else f" at {row['change_at_dose_h']:.0f} h"
+        at = "" if row["change_at_dose_h"] is None else f"{row['change_at_dose_h']:.0f} h"
+        turn = at and (f" from {at} on" if row["form"] == "dip_then_rise" else f" at {at}")
         sure = f"this form at {100 * row['form_probability']:.0f} %"
         return f"{forms.get(row['form'], monotone)}{turn}, {slope}; {sure}; conducts {row['conductivity_percent']:.0f} % of its start"
 

@@ -150,7 +150,7 @@ def _channels(one: SessionDescription, width: int) -> list[str]:
             *(channel.name, channel.quantity or NONE, as_written(channel.unit or NONE)),
             "(ignored)" if channel.role == "ignored" else channel.node or NONE,
             NONE if channel.rate_Hz is None else f"{channel.rate_Hz:.3g} Hz",
-            *(_number(channel.low), _number(channel.high), NONE if channel.noise is None else f"{channel.noise:.2g}"),
+            *(_number(channel.low), _number(channel.high), _noise(channel.noise)),
             _repeats(channel, "gap"),
             _repeats(channel, "held", "stuck", "saturated"),
         )
@@ -183,7 +183,7 @@ def _power(found: PowerBalance | None, channels: Sequence[ChannelDescription]) -
     best = max((cell for cell in found.efficiency if cell.minutes >= 1), key=lambda cell: cell.efficiency, default=None)
     if best:
         lines.append(
-            f"best {100 * best.efficiency:.1f} % at {best.speed_rpm[0]:,g} to {best.speed_rpm[1]:,g} rpm, "
+            f"best efficiency {100 * best.efficiency:.1f} % at {best.speed_rpm[0]:,g} to {best.speed_rpm[1]:,g} rpm, "
             f"{best.torque_Nm[0]:g} to {best.torque_Nm[1]:g} Nm ({best.minutes:.1f} min)"
         )
     return lines
@@ -193,6 +193,11 @@ def _number(value: float | None) -> str:
     if value is None:
         return NONE
     return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
+
+
+def _noise(value: float | None) -> str:
+    """Two digits tell what noise is like: "200", "0.0096"."""
+    return NONE if value is None else _number(float(f"{value:.2g}"))
 
 
 def _clock(duration_s: float) -> str:

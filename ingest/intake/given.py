@@ -104,7 +104,7 @@ def files_in(argument: Path) -> list[Path]:
     elif not glob.has_magic(pattern):
         raise IngestError(f"{argument}: there is no such file: correct the path.")
     found = [Path(path) for path in glob.iglob(pattern, recursive=True)]  # noqa: PTH207 (it may begin at the root)
-    if not found:
+    if not found and not argument.is_dir():
         raise IngestError(f"{argument}: nothing fits this pattern: correct the path.")
     there = (path for path in found if path.is_file() or not path.exists())  # a link that leads nowhere is named
     files = sorted(there, key=lambda path: natural(str(path)))

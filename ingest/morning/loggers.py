@@ -103,7 +103,7 @@ def _at_once(one: _Stream, other: _Stream) -> bool:
 
 def _beside(reference: _Stream, one: _Stream) -> LoggerClock:
     names = _called(reference, one), _called(one, reference)
-    told, why = [], "they recorded nothing that shows one thing"
+    told, why = [], "no two of their channels measure the same"
     for x, y in islice(pairs(reference.channels, one.channels), TRIED):
         try:
             told.append(align(x, y, names))

@@ -22,6 +22,7 @@ from replay.cli.encoding import fit_output, say
 from replay.cli.interrupt import DUCKDB, stopping
 from replay.cli.refusal import of_machine, refusal
 from replay.cli.status import status
+from replay.show.words.width import width
 
 VERBS: dict[str, str] = {
     "demo": "the whole way on shipped recordings of a real motor, offline",
@@ -141,8 +142,18 @@ def _drop(stream: TextIO) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
+class _Help(argparse.HelpFormatter):
+    """As wide as all else that is printed."""
+
+    def __init__(self, prog: str) -> None:
+        super().__init__(prog, width=width())
+
+
 class _Parser(argparse.ArgumentParser):
     """Refuses wrong words in one line, as every other refusal, and a verb its own."""
+
+    def __init__(self, **given: Any) -> None:
+        super().__init__(formatter_class=_Help, **given)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
         found, unknown = super().parse_known_args(args, namespace)

@@ -8,6 +8,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 from ingest.facts import facts
@@ -27,32 +28,35 @@ from replay.show.reports.documents import write_diagnosis, write_layers, write_r
 from replay.show.verbs.ageing import ageing_text
 from replay.show.verbs.intake import intake_json
 from replay.show.verbs.overview import overview
+from replay.show.words import words
 from replay.show.words.findings import power_balance
 from replay.show.words.onward import onward
 from replay.show.words.terminal import labelled
+from replay.show.words.width import width
 from replay.studies.ageing import assessment
 from replay.studies.diagnosis.answer import Diagnosis, document, read
 from replay.studies.diagnosis.diagnose import diagnose
 
-INTRO = """\
-Eleven bench recordings of a water-cooled interior-magnet motor, and the thermal network that its authors published
-(IEEE Trans. Power Electronics 2024, DOI 10.1109/TPEL.2024.3409388; data under MIT licence, examples/hust_motor)."""
-
-WHY = """\
-Why? Learnt from eight. Kept are those where this network is furthest off at the rotor (id_4), furthest off at the
-stator (id_10), and nearest (id_14):"""
+INTRO = (
+    "Eleven bench recordings of a water-cooled interior-magnet motor, and the thermal network that its authors "
+    "published (IEEE Trans. Power Electronics 2024, DOI 10.1109/TPEL.2024.3409388; data under MIT licence, "
+    "examples/hust_motor)."
+)
+WHY = (
+    "Why? Learnt from eight. Kept are those where this network is furthest off at the rotor (id_4), furthest off at "
+    "the stator (id_10), and nearest (id_14):"
+)
 LEARN = ("id_0", "id_1", "id_2", "id_3", "id_6", "id_7", "id_9", "id_12")
 KEEP = ("id_4", "id_10", "id_14")
 
-HIDDEN = """\
-And a campaign with a hidden effect: CAN logs of a simulated 150 kW motor that differs from its motor file in \
-one thing, and in
-all that a healthy motor differs in (examples/hidden_effect)."""
-
-AGEING = """\
-And insulation: two simulated stators through oven cycles at 230 °C with a DC check after each, \
-and checks of a fleet of 30 motors
-(examples/insulation)."""
+HIDDEN = (
+    "And a campaign with a hidden effect: CAN logs of a simulated 150 kW motor that differs from its motor file in one "
+    "thing, and in all that a healthy motor differs in (examples/hidden_effect)."
+)
+AGEING = (
+    "And insulation: two simulated stators through oven cycles at 230 °C with a DC check after each, and checks of a "
+    "fleet of 30 motors (examples/insulation)."
+)
 
 
 @dataclass(frozen=True)
@@ -75,7 +79,7 @@ def run_demo(folder: Path, store_folder: Path, tell: Callable[[str], None]) -> D
         found, stators_and_fleet = hidden.result(), aged.result()
     second = [
         "",
-        HIDDEN,
+        *wrap(HIDDEN, width()),
         "",
         onward(diagnosis_text(read(found)), folder / "hidden_effect"),
         *labelled("Report", f"{folder / 'why.html'}   (a kept session as a picture: {folder / 'why.png'})"),
@@ -84,7 +88,7 @@ def run_demo(folder: Path, store_folder: Path, tell: Callable[[str], None]) -> D
     texts = (ageing_text(assessment.read(one)) for one in stators_and_fleet)
     stators, fleet = (onward(text, store) for text, store in zip(texts, stores, strict=True))
     reports = f"{folder / 'ageing.html'}, {folder / 'fleet.html'}   (the stators as a picture: {folder / 'ageing.png'})"
-    second += ["", AGEING, "", stators, "", fleet, *labelled("Reports", reports)]
+    second += ["", *wrap(AGEING, width()), "", stators, "", fleet, *labelled("Reports", reports)]
     data = {**real.data, "diagnoses": [*real.data["diagnoses"], found], "ageing": stators_and_fleet}
     return Demo("\n".join([real.text, *second]), data, real.notes)
 
@@ -111,7 +115,7 @@ def _real_motor(folder: Path, store_folder: Path, tell: Callable[[str], None]) -
         worst = max(summaries, key=lambda summary: max(summary.mae_K.values())).session_name
         shown = [*KEEP, *(name for name in (worst,) if name not in KEEP)]
         layers, note = _layers(store, facts.at(store.ledger), shown, folder / "layers")
-    lines = [INTRO, "", *_ingested(intake)]
+    lines = [*wrap(INTRO, width()), "", *_ingested(intake)]
     for text in power_balance(summaries):
         lines += labelled("Power balance", text)
     lines += [*overview(summaries), ""]
@@ -119,7 +123,7 @@ def _real_motor(folder: Path, store_folder: Path, tell: Callable[[str], None]) -
     if layers:
         says = f"{layers[0].parent}/*.rrd, of both motors   (whyhot view {worst} --store {store_folder})"
         lines += labelled("Layers for rerun", says)
-    lines += ["", WHY, "", onward(diagnosis_text(diagnosis), store_folder)]
+    lines += ["", *wrap(WHY, width()), "", onward(diagnosis_text(diagnosis), store_folder)]
     data = {
         "schema": "whyhot.demo/1",
         "ingest": intake_json(intake),
@@ -143,10 +147,10 @@ def _ingested(intake: Intake) -> list[str]:
     balances = [one.decode.balance for one in intake.files if one.decode]
     total = {key: sum(balance[key] for balance in balances) for key in balances[0]}
     parts = " + ".join(f"{total[key]:,} {key.replace('_', ' ')}" for key in total if key != "found")
-    size = sum(one.size for one in intake.files) / 1e3
+    size = words.size(sum(one.size for one in intake.files))
     lines = labelled(
         "Ingested",
-        f"{len(balances)} recordings, {size:.0f} kB, sealed under their SHA-256. {total['found']:,} rows in the files "
+        f"{len(balances)} recordings, {size}, sealed under their SHA-256. {total['found']:,} rows in the files "
         f"= {parts}: the balance holds.",
     )
     return lines + [line for name, flag in intake.flags for line in labelled("", f"{name}: {flag.says}")]

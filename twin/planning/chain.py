@@ -244,7 +244,8 @@ def _hours(length: int) -> float:
 def _over(found: Prospect, block: int, node: int) -> str:
     """Which limit is crossed when."""
     limit, minutes = found.limits.degC[node], block * BLOCK_S / 60
-    return f"{found.limits.nodes[node]} may be above its {limit:.0f} degC after {minutes:.0f} min"
+    name = found.limits.nodes[node].replace("_", " ")
+    return f"the {name} may be above its {limit:.0f} °C after {minutes:.0f} min"
 
 
 def _why_none(refused: Sequence[tuple[str, str]]) -> str:

@@ -152,7 +152,7 @@ def _draw_course(ax: Axes, one: Specimen) -> None:
         ax.axvline(one.change_at_dose_h, color=INK[0], linewidth=0.7, linestyle=(0, (1, 2)))
     batch = f" ({one.batch})" if one.batch else ""
     name = fitting(f"{one.specimen}{batch}", 18)
-    says = form(one) if one.significant else "no change" if one.fitted else "too few checks"
+    says = "too few checks" if not one.fitted else form(one) if one.significant else "no change seen"
     ax.set_title(f"{name}: {says}", fontsize=8.5, loc="left", pad=3)
 
 
@@ -196,11 +196,12 @@ def forest(found: Assessment) -> Plot | None:
         ax.grid(False, axis="y")
         ax.tick_params(axis="y", length=0)
         ax.axvline(0.0, color=INK[0], linewidth=0.7)
-        ax.set_xlabel("R by 100 h above the threshold [%]")
+        ax.set_xlabel(f"change of R per 100 h above {found.threshold_degC:g} °C [%]")
         svg = inline_svg(figure, title)
     note = (
         "Dots: a specimen's slope, as its own checks and those of its fleet say together, with 95 %. Diamonds: the "
-        "mean of a batch, with how far it is above the other batches in standard deviations. Orange: stands out."
+        "mean of a batch, with how far it is above the other batches in standard deviations; how many specimens it has "
+        "stands behind its name. Orange: stands out."
     )
     left = found.whole.specimens - len(shown)
     return Plot(title, svg, note + (f" {left:,} more are not drawn." if left else ""), _forest_table(known, batches))
@@ -261,5 +262,5 @@ def _forest_table(known: Sequence[Specimen], batches: Mapping[str | None, Batch]
 
 
 def _cell(value: float | None, digits: int) -> str:
-    """A number in a table; a dash where there is none."""
-    return "–" if value is None else f"{value:.{digits}f}".replace("-", "−")
+    """A number in a table; a dash where there is none. What rounds to nothing has no sign."""
+    return "–" if value is None else f"{round(value, digits) or 0.0:.{digits}f}".replace("-", "−")

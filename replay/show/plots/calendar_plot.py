@@ -12,7 +12,7 @@ from replay.engine.results.run import Run
 from replay.show.plots.plots import WIDTH
 from replay.show.words import words
 from replay.show.words.figure import KEY_ABOVE, FigureTable, Plot, fitting, inline_svg, style
-from replay.show.words.palette import COLOURS, SOFT
+from replay.show.words.palette import KEPT, LEARNT, SOFT
 
 ROW, MARGIN = 0.165, 0.68  # inches: height of a session's bar, of what is above and below
 MOST = 40  # sessions that are drawn; the table holds all
@@ -49,7 +49,7 @@ def _draw(runs: Sequence[Run], kept: Collection[str] | None) -> Figure:
     figure = Figure(figsize=(WIDTH, height))
     axes = figure.add_axes((0.25, 0.42 / height, 0.49, ROW * len(runs) / height))
     uses = [_use(run, kept) for run in runs]
-    for use, colour in (("learnt from", COLOURS[0]), ("kept", COLOURS[1]), ("", COLOURS[0])):
+    for use, colour in (("learnt from", LEARNT), ("kept", KEPT), ("", LEARNT)):
         rows = [row for row, one in enumerate(uses) if one == use]
         if rows:
             hours = [runs[row].summary.duration_s / 3600 for row in rows]

@@ -13,7 +13,7 @@ from replay.show.reports.gain_plot import cell
 from replay.show.reports.verdict import figures
 from replay.show.words import words
 from replay.show.words.figure import BEHIND, KEY_ABOVE, FigureTable, Plot, inline_svg, style
-from replay.show.words.palette import COLOURS, INK
+from replay.show.words.palette import INK, KEPT, LEARNT
 from replay.studies.diagnosis.answer import ChainStep, Diagnosis
 
 ROW, MARGIN = 0.5, 0.75  # inches: height of a step's bars, of what is above and below
@@ -40,10 +40,11 @@ def _title(chain: Sequence[ChainStep]) -> str:
     first, last = chain[0], chain[-1]
     told = [first, next(step for step in chain if step.step == 0), last]
     before, between, after = words.figures([steps.mean_K(step.left_out_mae_K) for step in told])
-    models = (
-        f"{between} K where the recalibrated model and {after} K where that with {words.counted(last.step, 'term')}"
+    terms = words.counted(last.step, "term")
+    return (
+        f"A session predicted from the others: {before} K off as published, {between} K recalibrated, {after} K with "
+        f"{terms} more"
     )
-    return f"A session is {before} K off as published, {models} more learns from the other sessions"
 
 
 def _draw(chain: Sequence[ChainStep]) -> Figure:
@@ -52,8 +53,8 @@ def _draw(chain: Sequence[ChainStep]) -> Figure:
     axes = figure.add_axes((0.36, 0.42 / height, 0.6, ROW * len(chain) / height))
     rows = np.arange(len(chain))
     of_kept = [step.kept_mae_K for step in chain]
-    drawn = [(-0.17, [step.left_out_mae_K for step in chain], COLOURS[0], "predicted from the others")]
-    drawn += [(0.17, of_kept, COLOURS[1], "kept")] if any(of_kept) else []
+    drawn = [(-0.17, [step.left_out_mae_K for step in chain], LEARNT, "predicted from the others")]
+    drawn += [(0.17, of_kept, KEPT, "kept")] if any(of_kept) else []
     for shift, errors, colour, label in drawn:
         values = [steps.mean_K(one) if one else 0.0 for one in errors]
         axes.barh(rows + shift, values, height=0.3, color=colour, label=label)

@@ -121,7 +121,7 @@ def _evidence(diagnosis: Diagnosis, cause: Named) -> str:
 
 
 def _rivals(diagnosis: Diagnosis) -> Iterator[str]:
-    for rival in diagnosis.rivals[:RIVALS]:
+    for rival in verdict.rivals(diagnosis)[:RIVALS]:
         parts = f" ({verdict.fit_and_priors(rival.evidence)})" if rival.evidence else ""
         yield f"{rival.id}: ln BF {verdict.figures(rival.log_bayes_factor)}{parts}, {rival.why_not}"
     if len(diagnosis.rivals) > RIVALS:

@@ -95,7 +95,7 @@ def _table(gains: Sequence[KeptGain], named: bool) -> FigureTable:
             words.name(g.node),
             *(cell(g.mae_recorded_K.get(stage)) for stage in of),
             *(cell(fitted(g)[stage]) for stage in of),
-            f"{g.reading_moved_K:+.2f}".replace("-", "−"),
+            "0.00" if abs(g.reading_moved_K) < 0.005 else f"{g.reading_moved_K:+.2f}".replace("-", "−"),
             _fall(g.rms_inside_K, named),
             _fall(g.rms_outside_K, named),
         )

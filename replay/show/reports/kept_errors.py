@@ -92,17 +92,38 @@ def coefficients_suffice(gains: Sequence[KeptGain]) -> bool:
 
 
 def course(gain: KeptGain, named: bool) -> str:
-    """ "falls from 8.1 K as published to 1.4 K recalibrated and 0.9 K with the cause"."""
+    """ "falls from 8.1 K as published to 1.4 K recalibrated and 0.9 K with the cause"; "to 0.7 K recalibrated, where
+    the cause leaves it"."""
     told = told_first(gain, named)
+    if left := abs(_taken_K(gain, named)) < WORSE_K and "after" in told:
+        del told["after"]
     errors_K = words.figures([*told.values()])
     first, *later = [f"{figure} K {STAGES[stage]}" for figure, stage in zip(errors_K, told, strict=True)]
     rose = list(told.values())[-1] - told["published"]
     verb = "rises" if rose >= WORSE_K else "falls" if rose <= -WORSE_K else "goes"
-    return f"{verb} from {first} to {words.joined(later)}{'' if replayed(gain) else ', fitted'}"
+    ends = ", where the cause leaves it" * left + ", fitted" * (not replayed(gain))
+    return f"{verb} from {first} to {words.joined(later)}{ends}"
+
+
+def _taken_K(gain: KeptGain, named: bool) -> float:
+    """What the cause takes from the error that is told first [K]; 0 where there is none, or no file that says it."""
+    told = told_first(gain, named)
+    return told["before"] - told["after"] if {"before", "after"} <= told.keys() else 0.0
+
+
+def _elsewhere(most: KeptGain, gains: Sequence[KeptGain], named: bool) -> str:
+    """Where the cause takes most, if it takes nothing at the node `most`; "" where it takes nothing at all."""
+    best = max(gains, key=lambda gain: _taken_K(gain, named))
+    if _taken_K(most, named) >= WORSE_K or _taken_K(best, named) < WORSE_K:
+        return ""
+    told = told_first(best, named)
+    before, after = words.figures([told["before"], told["after"]])
+    return f"; the {words.name(best.node)}'s falls from {before} to {after} K with it"
 
 
 def on_kept(diagnosis: Diagnosis) -> str:
-    """What became of the node that was furthest off as published, and which got worse; "" without kept sessions."""
+    """What became of the node that was furthest off as published, where the cause gains if not there, and which got
+    worse; "" without kept sessions."""
     gains, named = diagnosis.gain, diagnosis.learnt
     if not gains:
         return ""
@@ -111,7 +132,7 @@ def on_kept(diagnosis: Diagnosis) -> str:
         at = f"{words.name(worst.node)} {errors(worst, stages(False), moved(worst))}"
         return f"recalibration makes the kept sessions worse: {at}; its files are not offered"
     most = furthest_first(gains)[0]
-    told = f"on kept sessions the {words.name(most.node)}'s error {course(most, named)}"
+    told = f"on kept sessions the {words.name(most.node)}'s error {course(most, named)}{_elsewhere(most, gains, named)}"
     worst = max(gains, key=lambda gain: rise_K(gain, named))
     if rise_K(worst, named) < WORSE_K:
         return told

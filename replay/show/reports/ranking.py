@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeVar
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from replay.show.plots.plots import WIDTH
+from replay.show.reports import verdict
 from replay.show.reports.verdict import against, figures
 from replay.show.words import words
 from replay.show.words.figure import KEY_ABOVE, FigureTable, Plot, inline_svg, style
 from replay.show.words.palette import INK, SERIES, SOFT
-from replay.studies.diagnosis.answer import Diagnosis, Rival
+from replay.studies.diagnosis.answer import Diagnosis
 
 SHOWN = 12  # bars at most
 NAMED, UNKNOWN = "named", "unknown"
@@ -37,9 +37,6 @@ class Bar:
     colour: str
 
 
-Ranked = TypeVar("Ranked", Bar, Rival)
-
-
 def ranking(diagnosis: Diagnosis) -> Plot | None:
     """Evidence of named causes, unknown heats and rivals, best first; None where nothing was tried."""
     bars = _bars(diagnosis)
@@ -56,12 +53,12 @@ def _bars(diagnosis: Diagnosis) -> list[Bar]:
     named = [Bar(c.id, c.log_bayes_factor, NAMED, SERIES["green"][0]) for c in diagnosis.causes]
     purple, heats = SERIES["purple"][0], diagnosis.unknown
     unknown = [Bar(f"Unknown heat at {words.name(h.node)}", h.log_bayes_factor, UNKNOWN, purple) for h in heats]
-    rivals = [Bar(r.id, r.log_bayes_factor, r.why_not, SOFT[0]) for r in _ranked(diagnosis.rivals)]
+    rivals = [Bar(r.id, r.log_bayes_factor, r.why_not, SOFT[0]) for r in verdict.rivals(diagnosis)]
     return _ranked([*named, *unknown, *rivals[: max(SHOWN - len(named) - len(unknown), 0)]])
 
 
-def _ranked(entries: Sequence[Ranked]) -> list[Ranked]:
-    return sorted(entries, key=lambda entry: -entry.log_bayes_factor)
+def _ranked(bars: Sequence[Bar]) -> list[Bar]:
+    return sorted(bars, key=lambda bar: -bar.log_bayes_factor)
 
 
 def _title(diagnosis: Diagnosis, bars: Sequence[Bar]) -> str:

@@ -115,10 +115,10 @@ def _plots(run: Run, of_run: Sequence[Sequence[Observed]], columns: int) -> list
 
 
 def started(run: Run) -> str:
-    """When a session began, to the second."""
+    """When a session began."""
     return moment(int(run.t_ns[0]), run.absolute)
 
 
 def moment(t_ns: int, absolute: bool) -> str:
-    """ "2025-10-09 08:53:20 UTC"."""
-    return f"{datetime.fromtimestamp(t_ns // 10**9, UTC):%Y-%m-%d %H:%M:%S} UTC" if absolute else "no absolute time"
+    """ "2025-10-09 08:53 UTC": a run begins with its first step, within a second of its session."""
+    return f"{datetime.fromtimestamp(t_ns // 10**9, UTC):%Y-%m-%d %H:%M} UTC" if absolute else "no absolute time"

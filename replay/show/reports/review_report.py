@@ -61,7 +61,7 @@ def _gain(kinds: list[ReviewedKind]) -> str:
 def standing(found: Review) -> str:
     """Whether it is current, since when."""
     if found.accepted is None:
-        return f"Offered, not accepted: whyhot accept {diagnosis_name(found.diagnosis)} makes it current."
+        return "Offered, not accepted."
     return f"Accepted {found.accepted.recorded[:16].replace('T', ' ')} UTC, event {found.accepted.position}."
 
 

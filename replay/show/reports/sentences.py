@@ -30,7 +30,7 @@ def headline(diagnosis: Diagnosis) -> str:
     furthest off, and what got worse there."""
     kept = kept_errors.on_kept(diagnosis)
     told = f"{words.capital(_found(diagnosis))}{': ' if kept else ''}{kept}."
-    return told if len(told.split()) < LONGEST else told.replace("; worse: ", ". Worse: ")
+    return told if len(told.split()) < LONGEST else ". ".join(map(words.capital, told.split("; ")))
 
 
 def _found(diagnosis: Diagnosis) -> str:
@@ -51,7 +51,7 @@ def _named(diagnosis: Diagnosis) -> str:
     first, *more = sorted(diagnosis.causes, key=lambda cause: cause.of_the_record)
     if more:
         return f"{first.says}, and {words.counted(len(more), 'more cause')}"
-    others = words.counted(len(first.indistinguishable_from), "other")
+    others = words.counted(len(first.indistinguishable_from), "other cause")
     return f"{first.says}, or {others}" if first.indistinguishable_from else first.says
 
 
@@ -63,7 +63,7 @@ def _but(diagnosis: Diagnosis) -> str:
 
 def _agrees(diagnosis: Diagnosis) -> str:
     if verdict.within_floor(diagnosis):
-        return "the twin agrees with these sessions within its floor"
+        return f"the twin agrees with these sessions {verdict.OWN}"
     suffice = diagnosis.gain and kept_errors.coefficients_suffice(diagnosis.gain)
     return f"no cause beyond the file's own coefficients {'is needed' if suffice else 'has evidence'}"
 
@@ -105,8 +105,8 @@ def _sizes(diagnosis: Diagnosis) -> str:
         return f"{words.capital('; '.join(_with_size(cause) for cause in diagnosis.causes))}."
     if rivals := verdict.rivals_left(first):
         return f"These sessions cannot tell it from: {'; '.join(says for _, says in rivals)}."
-    told = [verdict.size(first), f"probability {verdict.probability(first.probability)}"]
-    return f"{words.capital(', '.join(filter(None, told)))}."
+    told = [("size", verdict.size(first)), ("probability", verdict.probability(first.probability))]
+    return f"{words.capital(', '.join(f'its {what} is {value}' for what, value in told if value))}."
 
 
 def _with_size(cause: Named) -> str:
@@ -130,7 +130,7 @@ def _cannot_tell(diagnosis: Diagnosis) -> str:
         return "No channel of these sessions observes a node of the model with usable samples."
     if not diagnosis.candidates:
         return "These sessions leave no candidate that could be tried."
-    off = f"{words.joined(verdict.left_over(diagnosis))} stay above the sensors' floor"
+    off = f"{words.joined(verdict.left_over(diagnosis))} stay above the sensors' own uncertainty"
     fits = [rival.id for rival in diagnosis.rivals if rival.log_bayes_factor > diagnosis.threshold]
     why = f"of {diagnosis.candidates:,} candidates none stands out: {_best(diagnosis)}."
     if fits:

@@ -28,7 +28,8 @@ MOST = 200  # sessions without a report that are listed: a fleet has one a motor
 
 @dataclass(frozen=True)
 class SessionRow:
-    """A session in the index. `link`, `course`: of its report and its residual as SVG, "" where there is none."""
+    """A session in the index. `link`, `course`: of its report and its residual as SVG, "" where there is none;
+    `without`: why there is no `worst`."""
 
     name: str
     kind: str
@@ -37,6 +38,7 @@ class SessionRow:
     length: str
     link: str
     worst: str
+    without: str
     wrong: bool
     course: str
 
@@ -97,6 +99,7 @@ def _sessions(facts: Facts, pages: Mapping[str, Course], scale: float) -> Iterat
             length=words.duration((session.end_ns - session.start_ns) / 1e9),
             link=path if path in pages else "",
             worst=_worst(summary) if summary else "",
+            without="no motor file" if session.model is None else "not replayed yet",
             wrong=summary is not None and any(not one.within_floor for one in summary.channels),
             course=course_svg(course, scale) if any(value is not None for value in course) else "",
         )

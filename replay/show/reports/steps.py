@@ -11,10 +11,10 @@ from replay.studies.diagnosis.answer import ChainStep, Diagnosis
 CALLED = {-1: "as published", 0: "recalibrated"}
 JUDGES = {
     "evidence": "evidence alone decides on a term; how well each session is predicted from the others is only shown",
-    "sessions left out": "what is left is far above a lumped model's own error, so the file's form is wrong: a term is "
-    "let in only where sessions predicted from the others ask for it too",
-    "few sessions": "what is left is far above a lumped model's own error, so the file's form is wrong; fewer than 4 "
-    "sessions to learn from cannot be left out in turn, so one term alone is let in",
+    "sessions left out": "what recalibration leaves is far above a lumped model's own error, so the file's form is "
+    "wrong: a term is let in only where sessions predicted from the others ask for it too",
+    "few sessions": "what recalibration leaves is far above a lumped model's own error, so the file's form is wrong; "
+    "fewer than 4 sessions to learn from cannot be left out in turn, so one term alone is let in",
 }
 
 
@@ -24,7 +24,7 @@ def told(diagnosis: Diagnosis) -> Iterator[str]:
         return
     yield JUDGES[diagnosis.judged_by]
     kept = any(step.kept_mae_K for step in diagnosis.chain)
-    yield f"mean error over the nodes of each session predicted from the others{', then of kept sessions' * kept}"
+    yield f"mean error over the nodes, each session as the others predict it{'; kept: of the kept sessions' * kept}"
     yield from (line(step) for step in diagnosis.chain)
     yield from _nearest([step for step in diagnosis.chain if step.kept_mae_K])
 

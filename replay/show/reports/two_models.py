@@ -97,7 +97,7 @@ def _told(diagnosis: Diagnosis, found: TwoModels) -> Iterator[str]:
 def _relieved(found: TwoModels) -> str:
     """ "numbers that move less with the cause: conductance jacket-coolant −2.3 sd without it, −0.2 sd with it; ..."."""
     if not found.relieved:
-        return "it relieves no coefficient by half of its sd or more"
+        return "the cause relieves no coefficient by half of its sd or more"
     told = [f"{one.parameter} {_sd(one.before_sd)} without it, {_sd(one.after_sd)} with it" for one in found.relieved]
     return f"numbers that move less with the cause: {'; '.join(told)}"
 
@@ -109,7 +109,7 @@ def _sd(value: float) -> str:
 def _inside(diagnosis: Diagnosis, found: TwoModels) -> str:
     """The node without a sensor where the two are furthest apart."""
     if not found.inside:
-        return "every node has a sensor"
+        return "every node has a sensor: they differ nowhere unseen"
     one, where = found.inside[0], "kept sessions" if found.over_kept else "sessions learnt from"
     if one.mean_K < TOLD_K:
         return f"at nodes without a sensor the two agree within {words.kelvin(TOLD_K)} in the mean of the {where}"
@@ -126,7 +126,7 @@ def _at_points(found: TwoModels) -> str:
     points = words.counted(len(found.points), "operating point")
     if abs(most.differ_K) < TOLD_K:
         return f"at {points} the two agree within {words.kelvin(TOLD_K)}"
-    apart = f"{words.name(most.node)} {words.signed_kelvin(most.differ_K)} with it"
+    apart = f"{words.name(most.node)} {words.signed_kelvin(most.differ_K)} with the cause"
     return f"of {points} they differ most at {most.says}: {apart}"
 
 
@@ -134,14 +134,17 @@ def _telling(found: TwoModels) -> str:
     """The test and the sensor that would tell which is right."""
     told = []
     if found.test:
-        by = f"{found.test.channel} reads {words.signed_kelvin(found.test.differ_K)} with it"
+        by = f"{found.test.channel} reads {words.signed_kelvin(found.test.differ_K)} with the cause"
         told.append(f"{found.test.says}, where {by}, {_times(found.test)} it may be off")
     if found.sensor:
         when = found.sensor.says or "more such sessions"
         apart = f"{words.kelvin(abs(found.sensor.differ_K))} apart in {when}"
         told.append(f"a sensor at {words.name(found.sensor.node)}, {apart}, {_times(found.sensor)} one may be off")
     if not told:
-        return "neither an operating point nor one more sensor would tell which is right"
+        return (
+            "neither an operating point nor one more sensor would tell which is right: they differ too little "
+            "everywhere for what a sensor may be off"
+        )
     return f"would tell which is right: {'; or '.join(told)}"
 
 

@@ -11,7 +11,7 @@ from ingest.texts.times import clock
 from ingest.texts.units import as_written
 from replay.show.reports import kept_errors
 from replay.show.words import words
-from replay.studies.diagnosis.answer import Diagnosis, EvidenceParts, Named, Shown, UnnamedHeat
+from replay.studies.diagnosis.answer import Diagnosis, EvidenceParts, Named, Rival, Shown, UnnamedHeat
 from twin.motor.causes import parse, says
 
 ON_THE_BENCH = ("sensor", "clock", "input", "boundary")  # kinds of cause that the bench file corrects
@@ -19,6 +19,7 @@ NO_SIZE = ("hold", "stuck", "saturation", "dropout", "undersampled")  # faults t
 UNUSUAL = 4.0  # prior sd of a cause: one that is larger says so
 LEAST_SHARE = 0.5  # of ln BF: a family that is relieved by less is not told
 WAYS = {"braking": "while the motor brakes", "driving": "while the motor drives"}  # what a heat may go with
+OWN = "within the sensors' own uncertainty"
 FAR = 2.0  # floors: a recalibrated model that stays further off on kept sessions lacks something
 
 
@@ -92,8 +93,8 @@ def left_over(diagnosis: Diagnosis) -> list[str]:
 
 
 def what_is_wrong(diagnosis: Diagnosis) -> str:
-    """ "magnet 6.1 K mean, 17.0 K worst, most at 8,000 to 16,000 rpm · rotor surface 5.2 K · all else within its floor
-    (0.4 K)"."""
+    """ "magnet 6.1 K off in the mean of the 3 sessions learnt from, 17.0 K at worst, most at 8,000 to 16,000 rpm ·
+    rotor surface 5.2 K · all else within the sensors' own uncertainty (0.4 K)"."""
     errors = node_errors(diagnosis.shown)
     wrong = [error for error in errors if not error.within_floor]
     fine = [error for error in errors if error.within_floor]
@@ -101,12 +102,19 @@ def what_is_wrong(diagnosis: Diagnosis) -> str:
         return "nothing can be said: no channel of these sessions observes a node of the model with usable samples"
     floor = words.kelvin(max((error.floor_K for error in fine), default=0.0))
     if not wrong:
-        return f"nothing: every node is within its floor ({floor})"
+        return f"nothing: every node is {OWN} ({floor})"
     place = words.where(wrong[0].where)
-    first = f"{words.name(wrong[0].node)} {words.kelvin(wrong[0].mean_K)} mean, {words.kelvin(wrong[0].max_K)} worst"
+    mean, worst = words.kelvin(wrong[0].mean_K), words.kelvin(wrong[0].max_K)
+    first = f"{words.name(wrong[0].node)} {mean} off in the mean of {_learnt_from(diagnosis)}, {worst} at worst"
     first += f", most {place}" if place else ""
     others = [f"{words.name(error.node)} {words.kelvin(error.mean_K)}" for error in wrong[1:]]
-    return " · ".join([first, *others, *([f"all else within its floor ({floor})"] if fine else [])])
+    return " · ".join([first, *others, *([f"all else {OWN} ({floor})"] if fine else [])])
+
+
+def _learnt_from(diagnosis: Diagnosis) -> str:
+    """ "the 3 sessions learnt from"."""
+    count = len({entry.session for entry in diagnosis.shown})
+    return "the session learnt from" if count == 1 else f"the {count} sessions learnt from"
 
 
 def figures(value: float) -> str:
@@ -126,20 +134,32 @@ def is_exchange(cause: Named) -> bool:
 
 
 def size(cause: Named) -> str:
-    """ "+96 W (88 to 104)", "+3.1 % (2.8 to 3.4)", "factor 1.35 (1.21 to 1.5)"; "" for a fault that is there or not."""
+    """ "+96 W (88 to 104)", "+3.1 % (2.8 to 3.4)", "factor 1.35 (1.21 to 1.50)"; "" for what is there or not."""
     law = parse(cause.id).law
     if law in NO_SIZE or is_exchange(cause):
         return ""
     if law == "scale":  # its size multiplies what was there
-        return f"factor {figures(cause.estimate)} ({figures(cause.ci95[0])} to {figures(cause.ci95[1])})"
+        estimate, *ends = in_digits(cause.estimate, cause.ci95)
+        return f"factor {estimate} ({' to '.join(ends)})"
     return amount(cause.estimate, cause.ci95, cause.unit)
 
 
 def amount(estimate: float, ci95: Sequence[float], stored: str) -> str:
     """ "+96 W (88 to 104)", "+3.1 % (2.8 to 3.4)" of a share, in the unit "1"."""
     scale, written = (100.0, "%") if stored == "1" else (1.0, as_written(stored))
-    low, high = (figures(scale * end) for end in ci95)
-    return f"{' '.join(filter(None, [signed(scale * estimate), written]))} ({low} to {high})"
+    told, *ends = in_digits(scale * estimate, [scale * end for end in ci95])
+    sign = "+" * (estimate > 0)
+    return f"{' '.join(filter(None, [sign + told, written]))} ({' to '.join(ends)})"
+
+
+def in_digits(estimate: float, ci95: Sequence[float]) -> list[str]:
+    """An estimate and the ends of its interval with as many decimals as the interval leaves it: steps of a twentieth to
+    half of its half width; three significant digits where it has none."""
+    half = abs(ci95[1] - ci95[0]) / 2
+    if not 0.0 < half < math.inf:
+        return [figures(value) for value in (estimate, *ci95)]
+    decimals = max(0, math.ceil(-math.log10(half / 2)))
+    return [f"{value:,.{decimals}f}".replace("-", "−") for value in (estimate, *ci95)]
 
 
 def probability(value: float) -> str:
@@ -183,6 +203,11 @@ def alone(cause: Named) -> str:
 def rivals_left(cause: Named) -> list[tuple[str, str]]:
     """(id, in words) of each cause that cannot be told apart from this one, best first."""
     return [(other, says(parse(other))) for other in cause.indistinguishable_from]
+
+
+def rivals(diagnosis: Diagnosis) -> list[Rival]:
+    """The candidates that were not named, strongest first."""
+    return sorted(diagnosis.rivals, key=lambda rival: -rival.log_bayes_factor)
 
 
 def whether_improved(diagnosis: Diagnosis, cause: Named) -> str:

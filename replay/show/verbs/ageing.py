@@ -8,7 +8,7 @@ from typing import Any
 
 from ingest.catalogue.page import table
 from replay.show.words import words
-from replay.show.words.courses import FORMS, form
+from replay.show.words.courses import FORMS, form, in_brief
 from replay.show.words.terminal import labelled
 from replay.show.words.width import width
 from replay.studies.ageing.assessment import AgeingLaw, Assessment, Batch, FleetCounts, LivesLaw, Specimen, StressEffect
@@ -37,6 +37,8 @@ def says(found: Assessment) -> list[tuple[str, str]]:
     """Name and text of all that the answer rests on: repeatability, rules, law, lives, other stresses."""
     rules = f"what an hour at another temperature is worth: {words.joined(found.rules)}; a range spans what they give"
     size = "thermal resistance of the insulation; percent per 100 h are 100 times the slope of ln R"
+    fleet = any(one.fleet_slope_percent_per_100h is not None and not one.significant for one in found.specimens)
+    size += ", where no change is seen, of these checks and the fleet together" * fleet
     parts = [("R", f"{size}; repeatability {found.repeatability_from}"), ("Rules", rules)]
     parts += [("Law", _law(found.law))] if found.law else []
     parts += [("Life", _lives(found.life.law, found.criterion))] if found.life.law else []
@@ -50,14 +52,14 @@ def answer(found: Assessment) -> str:
     parts = [f"{words.counted(whole.specimens, 'specimen')}, {words.counted(whole.checks, 'check')}."]
     if whole.specimens <= NAMED:
         changed = [one for one in found.specimens if one.significant]
-        parts += [f"{one.specimen}: {course(one)}." for one in changed]
+        parts += [f"{one.specimen}: R {course(one)}." for one in changed]
         same = [one.specimen for one in found.specimens if not one.significant and one.fitted]
         few = [one.specimen for one in found.specimens if one.checks and not one.fitted]
         unseen = [one.specimen for one in found.specimens if not one.checks]
         told = {FORMS["none"]: same, TOO_FEW: few, "no check": unseen}
         parts += [f"{words.joined(names)}: {says}." for says, names in told.items() if names]
     else:
-        counts = words.joined([f"{count:,} {FORMS[name]}" for name, count in whole.changed.items()])
+        counts = words.joined([f"in {count:,} R {FORMS[name]}" for name, count in whole.changed.items()])
         parts.append(f"{how_many_change(whole)} beyond repeatability" + (f" ({counts})." if counts else "."))
     return " ".join([*parts, standing_out(found)])
 
@@ -71,17 +73,18 @@ def how_many_change(whole: FleetCounts) -> str:
 
 
 def course(one: Specimen) -> str:
-    """One specimen's course in words."""
+    """What the R of one specimen does, in words; its slope where that goes beyond repeatability."""
     if one.fitted is None:
         return TOO_FEW if one.checks else "no check"
     text = form(one)
     if one.change_at_dose_h is not None:
-        text += f" at {one.change_at_dose_h:.0f} h"
+        at = f"{one.change_at_dose_h:.0f} h"
+        text += f" from {at} on" if one.form == "dip_then_rise" else f" at {at}"
     if one.level_from_dose_h is not None:
         text += f" until it is level from {one.level_from_dose_h:.0f} h on"
-    if one.slope_percent_per_100h is not None:
+    if one.slope_percent_per_100h is not None and one.significant:
         band = f" ({one.ci95[0]:.1f} to {one.ci95[1]:.1f})" if one.ci95 else ""
-        text += f", R {one.slope_percent_per_100h:+.1f} % per 100 h{band}".replace("-", "−")
+        text += f", {one.slope_percent_per_100h:+.1f} % per 100 h{band}".replace("-", "−")
     return f"{text} (probability of this form {100 * one.form_probability:.0f} %)"
 
 
@@ -92,6 +95,9 @@ def standing_out(found: Assessment) -> str:
     rate = f"false discovery rate {100 * found.false_discovery_rate:.0f} %"
     listed = ((batches, len(batches)), (specimens, found.whole.outlying))
     said = [_first(names, of) for names, of in listed if names]
+    scores = [batch.score for batch in found.batches] + [one.score for one in found.specimens]
+    if not said and scores.count(None) == len(scores):
+        return "There are too few specimens to tell whether one stands out."
     if not said:
         return f"None stands out from the others ({rate})."
     return f"Not as the others: {words.joined(said)} ({rate})."
@@ -120,8 +126,8 @@ def _table(found: Assessment) -> Iterator[str]:
 
 def _specimen_row(one: Specimen) -> tuple[str, ...]:
     last = next((check for check in reversed(one.checks) if check.conductivity_percent is not None), None)
-    said = (one.form.replace("_", " "), f"{100 * one.form_probability:.0f} %") if one.fitted else ("-", "-")
-    course = (*said, _slope(one))
+    said = (in_brief(one), f"{100 * one.form_probability:.0f} %") if one.fitted else ("-", "-")
+    course = (*said, slope(one))
     left = (_percent(last.conductivity_percent if last else None), life_used(one), _apart(one))
     return one.specimen, one.batch or "-", str(len(one.checks)), hours(one.dose_h), *course, *left
 
@@ -148,8 +154,9 @@ def _batch_row(one: Batch) -> tuple[str, ...]:
 def _law(law: AgeingLaw) -> str:
     begins = f" from {law.from_h:.0f} h on" if law.from_h else ""
     much = "less" if law.percent_per_100h < 0 else "more"
-    size = f"{abs(law.percent_per_100h):.1f} % {much} each 100 h{begins} (± {law.sd:.1f})"
-    text = f"insulation conducts {size}, from {law.source}"
+    whose, spread = ("the fleet", "specimens differ by") if law.source == "fleet" else (law.source, "sd")
+    size = f"{abs(law.percent_per_100h):.1f} % {much} each 100 h{begins} ({spread} {law.sd:.1f} %)"
+    text = f"insulation conducts {size}, from {whose}"
     return f"{text}; written into model {words.short(law.model)}: replay takes it into account" if law.model else text
 
 
@@ -177,7 +184,10 @@ def _stress(found: Assessment) -> Iterator[str]:
     together = [one for one in known if one.not_told_from]
     if together:
         names, alone = words.joined([one.name for one in together]), " or ".join(map(_effect, together))
-        yield f"{names} cannot be told apart here: {alone}, if one alone did it; cycles of another length would tell"
+        yield (
+            f"{names} cannot be told apart here: {alone}, if one alone did it, all specimens together; "
+            "cycles of another length would tell"
+        )
 
 
 def _effect(one: StressEffect) -> str:
@@ -188,14 +198,14 @@ def hours(value: float | None) -> str:
     return "-" if value is None else f"{value:,.0f} h"
 
 
-def _slope(one: Specimen) -> str:
+def slope(one: Specimen) -> str:
     """The slope of a specimen: its own where its course is beyond repeatability, else that of it and its fleet."""
     own, fleet = one.slope_percent_per_100h, one.fleet_slope_percent_per_100h
     return _percent_per_100h(own if one.significant or fleet is None else fleet)
 
 
 def _percent_per_100h(slope: float | None) -> str:
-    return "-" if slope is None else f"{slope:+.1f} %".replace("-", "−")
+    return "-" if slope is None else f"{words.signed(slope)} %"
 
 
 def _percent(value: float | None) -> str:

@@ -52,7 +52,8 @@ def _errors(errors: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         if "unit" in e:
             before, after = (heat_words.quantity(e[key], e["unit"]) for key in ("before", "after"))
             course = f"{before} -> {after}" if before != after else f"{before}, unchanged"
-            gain = f", meter reads {100 * e['gain']:+.1f} % too much".replace("-", "−") if abs(e["gain"]) > 5e-4 else ""
+            much = "much" if e["gain"] > 0 else "little"
+            gain = f", meter reads {100 * abs(e['gain']):.1f} % too {much}" if abs(e["gain"]) > 5e-4 else ""
             yield f"{e['session_name']}  {words.name(str(e['place']))} ({e['channel']})   {course}{gain}"
 
 
@@ -80,8 +81,13 @@ def _moved(parameters: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 
 def _moved_row(p: Mapping[str, Any]) -> tuple[str, ...]:
     spread = f"{100.0 * (math.exp(float(p['sd'])) - 1.0):.1f} %"
-    values = (f"{p['before']:.5g}", f"{p['value']:.5g}", str(p["unit"]))
+    values = (_figures(p["before"]), _figures(p["value"]), str(p["unit"]))
     return str(p["name"]), *values, spread, "at its bound" if p["held"] else ""
+
+
+def _figures(value: float) -> str:
+    """Three digits, of which an sd of percents leaves no more: "1,370", "15.1", "0.745"."""
+    return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
 
 
 def _profile(one: Mapping[str, Any]) -> str:

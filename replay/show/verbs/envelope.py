@@ -106,14 +106,20 @@ def _table(found: Envelope) -> Iterator[str]:
     ]
     head = (f"{unit} held at", *map(duration, DURATIONS_S))
     yield from table(head, rows, width(), right=range(1, len(head)))
-    if any(one.node is None for of_speed in found.borders for one in of_speed):
+    told = [cell for row in rows for cell in row[1:]]
+    if any(cell.startswith("at least") for cell in told):
         yield "at least: with the largest load recorded at that speed no limit is reached"
+    if "no load" in told:
+        yield "no load: none was recorded at that speed"
     nodes = {one.node for of_speed in found.borders for one in of_speed if one.node}
     yield f"limited by {words.joined(sorted(map(words.name, nodes)))}" if nodes else "no node reaches its limit"
 
 
 def load_says(one: Border) -> str:
-    """ "17 (15 to 19)", or "at least 17" where no limit was reached; the band stands where it is one."""
+    """ "17 (15 to 19)", or "at least 17" where no limit was reached; the band stands where it is one. "no load" at a
+    speed at which none was recorded."""
+    if one.node is None and round(one.load) <= 0:
+        return "no load"
     load, low, high = (f"{value:.0f}" for value in (one.load, one.low, one.high))
     return f"{'at least ' if one.node is None else ''}{load}" + (f" ({low} to {high})" if low != high else "")
 

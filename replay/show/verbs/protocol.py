@@ -20,6 +20,7 @@ from replay.studies.diagnosis.question import LEAST_S
 
 SHOWN = 12  # parameters that a person reads
 ENOUGH = 0.9  # of what all points not run would teach: so many are said to be worth running
+RISE_K = 0.1  # by which an error must rise to be told
 WORSE_K = 0.2  # by which a filter must be worse than the open loop for that to be explained
 
 
@@ -98,15 +99,19 @@ def _commands(found: Protocol) -> list[str]:
 
 
 def answer(found: Protocol) -> str:
-    """The error on the drive cycles before and after, at the node that was worst."""
+    """The error on the drive cycles before and after, at the node that was worst, and which got worse."""
     errors = checked(found)
     node, errors_K = max(errors.items(), key=lambda one: one[1][0])
     before, after = words.figures(errors_K)
+    worse = max(errors, key=lambda name: errors[name][1] - errors[name][0])
+    rose = errors[worse][1] - errors[worse][0] >= RISE_K
+    but = f"; worse: {words.name(worse)} {words.became(errors[worse])} K" if rose else ""
     ended = "" if found.calibration.event.converged else " The fit did not converge: take it as a start only."
     return (
         f"Fitted to {words.joined([s.name for s in found.points])}, {found.network.name} is {after} K off at the "
         f"{words.name(node)} on {words.joined([s.name for s in found.drives])} (before {before} K), from which "
-        f"nothing was learnt; {len(found.fitted)} of {len(found.influence.parameters)} parameters were fitted.{ended}"
+        f"nothing was learnt{but}. {len(found.fitted)} of {len(found.influence.parameters)} parameters were "
+        f"fitted.{ended}"
     )
 
 
@@ -197,11 +202,11 @@ def filter_notes(found: Protocol) -> Iterator[str]:
     if worse:
         yield (
             "the open loop may be nearer: it begins with the kept channel's own first reading, and the filter believes "
-            f"a thermometer that reads too much{_too_much(found)}; a [[correction]] in the bench file takes that off"
+            f"a thermometer that is off{_off(found)}; a [[correction]] in the bench file takes that off"
         )
 
 
-def _too_much(found: Protocol) -> str:
+def _off(found: Protocol) -> str:
     """By the calibration, the worst constant error of the channels that a filter read, in words: of those whose error
     has one sign on every point."""
     read = {channel for summary in found.after if summary.filtered for channel in summary.filtered.measured}
@@ -211,4 +216,7 @@ def _too_much(found: Protocol) -> str:
             errors[one["channel"]].append(float(one["bias_K"]))
     means = {name: float(np.mean(some)) for name, some in errors.items() if len({bias > 0 for bias in some}) == 1}
     worst = max(means, key=lambda name: abs(means[name]), default=None)
-    return "" if worst is None else f" (by the calibration {worst} {words.signed_kelvin(means[worst])})"
+    if worst is None:
+        return ""
+    much = "much" if means[worst] > 0 else "little"
+    return f" (by the calibration {worst} reads {words.kelvin(abs(means[worst]))} too {much})"

@@ -148,9 +148,9 @@ def _signed(value: float) -> str:
 
 
 def figure(value: float) -> str:
-    """What tells of a number: "4.2", "0.13", "1,200"; what is less than 0.1 with one digit."""
+    """What tells of a number: "4.2", "0.13", "483", "1,200"; what is less than 0.1 with one digit."""
     value = value if abs(value) >= NOTHING else 0.0
-    if abs(value) >= 1000:
+    if abs(value) >= 100:
         return f"{value:,.0f}".replace("-", "−")
     text = (
         f"{value:.1f}" if abs(value) >= 1 or value == 0.0 else f"{value:.2g}" if abs(value) >= 0.1 else f"{value:.1g}"

@@ -13,6 +13,7 @@ from replay.show.words.width import width
 from replay.studies.since.acting import Since
 from replay.studies.since.seen import SeenElsewhere, SeenMotor
 
+SURELY = ">99 %"
 SURE = 0.95  # from which probability on a motor counts as one that has the cause; below 1 - SURE as one that has not
 
 
@@ -87,9 +88,10 @@ def _since(motor: SeenMotor) -> str:
 
 
 def since_says(since: Sequence[Since], total: float) -> str:
-    """ "since 3_s1 (or: inverter = sw 4.2), 97 %; since 2_wltp, 3 %": the sets that matter, as shares of `total`."""
-    likely = [one for one in since[:3] if one.probability > 0.02 * total]
-    return "; ".join(f"{called(one.says)}, {percent(one.probability / total)}" for one in likely)
+    """ "since 3_s1 (where inverter = sw 4.2), 97 %; since 2_wltp, 3 %": the sets that matter, as shares of `total`; one
+    that leaves no other a percent without its share."""
+    likely = [(one, percent(one.probability / total)) for one in since[:3] if one.probability > 0.02 * total]
+    return "; ".join(called(one.says) + f", {share}" * (share != SURELY) for one, share in likely)
 
 
 def called(says: Sequence[str]) -> str:
@@ -110,5 +112,5 @@ def _rows(found: SeenElsewhere) -> Iterator[tuple[str, ...]]:
 def percent(probability: float) -> str:
     """ "97 %"; never quite nothing or all."""
     if probability > 0.995:
-        return ">99 %"
+        return SURELY
     return "<1 %" if probability < 0.005 else f"{100 * probability:.0f} %"

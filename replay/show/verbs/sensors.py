@@ -54,10 +54,12 @@ def answer(found: Worth) -> str:
     """How many could go, and the one that is missed most."""
     gone = dispensable(found)
     most = max(found.withheld, key=lambda one: one.mae_K)
-    channels, within = words.counted(len(found.withheld), "channel"), f"estimated to a mean of {TOLERATED_K:.0f} K"
-    could = f"Of {channels} {words.joined(gone)} could be removed: without them each is still {within} or better."
-    none = f"None of {channels} could be removed and still be {within} or better."
-    missed = f"Removed alone, {most.channel} at the {words.name(most.node)} is missed most: {words.kelvin(most.mae_K)}."
+    channels = words.counted(len(found.withheld), "channel")
+    within = f"estimated to {TOLERATED_K:.0f} K or better in the mean"
+    could = f"Of {channels} {words.joined(gone)} could be removed: each is then still {within}."
+    none = f"None of {channels} could be removed and still be {within}."
+    off = f"what is estimated in its place is {words.kelvin(most.mae_K)} off in the mean"
+    missed = f"Removed alone, {most.channel} ({words.name(most.node)}) is missed most: {off}."
     return f"{could if gone else none} {missed}"
 
 
@@ -66,9 +68,11 @@ def _table(found: Worth) -> Iterator[str]:
     for one in sorted(found.withheld, key=lambda one: -one.mae_K):
         narrow = ": too narrow" if one.covered < LEAST_COVERED else ""
         errors = [words.kelvin(error) for error in (one.mae_K, one.max_K, one.open_loop_K)]
-        covered = f"{100 * one.covered:.0f} % of {words.counted(one.sessions, 'session')}{narrow}"
+        covered = f"{100 * one.covered:.0f} % in {words.counted(one.sessions, 'session')}{narrow}"
         rows.append((_label(one.channel, one.node), *errors, f"± {words.kelvin(one.band_K)}", covered))
-    yield from table(("Withheld", "mean", "worst", "open loop", "95 % band", "within it"), rows, width(), (1, 2, 3, 4))
+    yield from table(
+        ("Withheld", "mean error", "worst", "open loop", "95 % band", "time within it"), rows, width(), (1, 2, 3, 4)
+    )
 
 
 def band_notes(found: Worth) -> Iterator[str]:

@@ -21,6 +21,8 @@ INK = ("#1b1f24", "#e6e8eb")  # text and axes
 SOFT = ("#6b7280", "#9aa3af")  # grid, band, secondary text
 PAPER = ("#ffffff", "#14171b")
 
+LEARNT, KEPT = SOFT[0], INK[0]  # sessions: colours are for models
+
 COLOURS = tuple(light for light, _ in SERIES.values())
 DASHES: tuple[Any, ...] = (  # line styles in the same order: matplotlib's (offset, on-off lengths in line widths)
     (0, (5, 1.6)),

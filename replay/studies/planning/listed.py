@@ -124,7 +124,7 @@ def _refuse_too_hot(network: Network, test: Test, run: Floats) -> None:
         if node.limit_degC is not None and (over := run[:, i] > node.limit_degC).any():
             minutes = int(over.argmax()) * STEP_S / 60
             raise PlanError(
-                f"{test.name}: the {node.name} is above its {node.limit_degC:.0f} degC after {minutes:.0f} min, by the "
+                f"{test.name}: the {node.name} is above its {node.limit_degC:.0f} °C after {minutes:.0f} min, by the "
                 "motor file: a smaller load, colder coolant, a shorter test or a higher limit_degC would relax it"
             )
 

@@ -243,6 +243,14 @@ def test_the_page_says_kind_sources_channels_power_and_points(store: Store) -> N
     assert max(map(len, page.render(description, width=72).splitlines())) <= 72
 
 
+def test_noise_has_two_digits_and_no_power_of_ten_and_what_is_best_is_named(store: Store) -> None:
+    found = show.describe(store, *one_session(store))
+    loud = tuple(replace(one, noise=204.3) for one in found.channels)
+    text = page.render(replace(found, channels=loud))
+    assert " 200\n" in text and "2e+02" not in text
+    assert "best efficiency " in text
+
+
 def test_what_a_replay_lacks_is_the_next_step(store: Store) -> None:
     found = show.describe(store, *one_session(store))
     without_motor = page.render(replace(found, motor=None), width=200).splitlines()[-1]

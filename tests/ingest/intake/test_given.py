@@ -105,6 +105,12 @@ def test_what_is_not_there_or_cannot_be_unpacked_is_said(night: Path) -> None:
         assert given.refused[0].startswith("broken.blf in broken.blf.gz: is damaged (CRC check failed")
 
 
+def test_the_folder_that_one_is_in_is_no_pattern(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with opened([Path()]) as given:
+        assert given.refused == [".: holds no log: correct the path, or name the files."]
+
+
 def test_no_file_of_this_project_but_its_recordings_is_taken_for_a_log() -> None:
     folders = [ROOT / "docs", ROOT / "ingest", ROOT / "tests" / "made"]
     with opened([*folders, ROOT / "examples"]) as given:

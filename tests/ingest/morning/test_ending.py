@@ -36,6 +36,11 @@ def test_the_end_of_a_hold(on_s: int, after_s: int, tau_s: float, kind: str, rea
     assert ended(_session(on_s, after_s, tau_s), kind).reason == reason
 
 
+def test_what_still_warmed_at_the_end_of_a_hold_is_named() -> None:
+    found = ended(_session(1500, 600, 600.0), "s1")
+    assert found.says.startswith("T still warmed by ") and found.says.endswith(" K/h in the last 10 min of load")
+
+
 def test_whether_it_is_steady_a_coarse_reading_does_not_tell() -> None:
     load, warm = _session(5000, 600, 600.0)
     coarse = channel("T", "temperature", np.round(warm.value), role="observed")

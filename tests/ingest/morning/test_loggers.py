@@ -71,7 +71,7 @@ def test_clocks_that_agree_are_said_to() -> None:
 def test_loggers_with_nothing_in_common_cannot_be_compared() -> None:
     found = _one(_stamped("can1", 0.0, 1), _stamped("box", 0.0, 2, quantity="temperature"))
     assert found.offset is None
-    assert found.says == "box against can1: cannot tell: they recorded nothing that shows one thing"
+    assert found.says == "box against can1: cannot tell: no two of their channels measure the same"
 
 
 def test_channels_that_contradict_each_other_tell_nothing() -> None:

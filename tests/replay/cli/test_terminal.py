@@ -16,7 +16,7 @@ from typing import TextIO
 
 import pytest
 
-from replay.cli import main, progress
+from replay.cli import build_parser, main, progress
 from replay.cli.answer import Answer, deliver
 from replay.cli.colour import coloured
 from replay.show.words.terminal import labelled
@@ -71,6 +71,13 @@ def test_columns_of_the_environment_are_kept_to_in_a_pipe(
 ) -> None:
     monkeypatch.setenv("COLUMNS", asked)
     assert width(StringIO()) == found
+
+
+def test_help_is_as_wide_as_all_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    for asked in (60, 100):
+        monkeypatch.setenv("COLUMNS", str(asked))
+        lines = build_parser("ingest").format_help().splitlines()
+        assert asked - 15 < max(map(len, lines)) <= asked
 
 
 def test_what_is_wrong_stands_out_on_a_terminal_line_by_line(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -114,7 +114,7 @@ def _at(limit_degC: float) -> Callable[[Prospect], Prospect]:
 
 
 def test_where_no_test_stays_below_the_limits_it_is_said_which_and_what_would_relax_it(found: Prospect) -> None:
-    with pytest.raises(PlanError, match=r"winding may be above its 50 degC after 0 min.*colder coolant"):
+    with pytest.raises(PlanError, match=r"the winding may be above its 50 °C after 0 min.*colder coolant"):
         plan_day(_at(50.0)(found), HOURS, (), _quiet)
 
 

@@ -32,6 +32,13 @@ def test_what_comes_in_goes_out_and_each_part_says_its_watts_and_share() -> None
     }
 
 
+def test_what_rounds_to_nothing_has_no_sign() -> None:
+    plot = heat_balance(heated(made_run(), KINDS | {"other": -0.001}, TAKEN), 100)
+    assert plot is not None
+    shares = {row[1]: row[3] for row in plot.table.rows if row[0] == "made, by kind"}
+    assert shares["other"] == "0.0"
+
+
 def test_ends_of_bands_are_as_high_as_their_amounts() -> None:
     plot = heat_balance(heated(made_run(), {"iron": 300.0, "magnet": 100.0}, {"coolant": 400.0}), 100)
     assert plot is not None

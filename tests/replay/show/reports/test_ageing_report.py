@@ -25,7 +25,7 @@ def test_the_page_answers_first_and_a_hostile_name_is_only_shown(tmp_path: Path)
     assert "<b>stator" not in page and "&lt;b&gt;stator&lt;/b&gt;" in page
     assert not STEERING.search(page) and LONG not in page
     assert "src=" not in page and "http" not in page.replace("http-equiv", "")
-    assert "S00 (B1): rising steadily" in page, "the words of the table below the picture"
+    assert "S00 (B1): rises steadily" in page, "the words of the table below the picture"
     for section in ("Courses", "Specimens and batches", "Lives", "Every specimen", "What it rests on"):
         assert f">{section}</h2>" in page
 

@@ -102,7 +102,7 @@ def test_it_says_which_command_leads_to_the_bytes(html: str) -> None:
 def test_the_report_tells_in_order_answer_gain_error_evidence_change_and_source(html: str) -> None:
     order = (
         "Magnet loss grows with speed squared and current squared: on kept sessions the magnet's error falls from",
-        "worse: endwinding a outer 0.5 → 0.7 K (fitted 0.6 → 0.3 K). +96 W (88 to 104), probability 97 %.",
+        "0.5 → 0.7 K (fitted 0.6 → 0.3 K). Its size is +96 W (88 to 104), its probability is 97 %.",
         "On kept sessions the magnet's error falls from 10.1 K as published to 6.4 K recalibrated and 2.3 K with the",
         "Bars: replayed, against readings as recorded; dots: with start, coolant and readings fitted on the first",
         "What the model as published gets wrong",
@@ -346,6 +346,7 @@ def test_bars_are_errors_as_recorded_and_marks_are_fitted_ones() -> None:
     bare = gain_bars(replace(NAMED, gain=[gain("magnet", 6.1, 0.9, (4.1, 6.0), 9.0)]))
     assert bare is not None and "fitted 6.1 K" in bare.svg and "(fitted" not in bare.svg
     assert bare.table.rows[0][1:5] == ("–", "–", "–", "9.00")
+    assert bare.table.rows[0][7] == "0.00", "nothing has no sign"
 
 
 def test_the_table_of_the_gain_gives_each_error_as_recorded_first(html: str) -> None:
@@ -416,9 +417,9 @@ def test_a_filter_that_blames_the_right_node_is_not_contradicted() -> None:
 
 def test_all_that_is_beyond_usual_stands_in_the_report_before_the_evidence(tmp_path: Path) -> None:
     text = Tags(page(tmp_path, STRANGE, {})).text
-    at = text.index("What is beyond usual, before any cause")
+    at = text.index("What is beyond usual")
     assert text.index("What the model as published gets wrong") < at < text.index("Evidence")
-    assert "The offset of EW_A_inner in 3_wltp had to shrink by 2.2 sd: −1.03 K (−1.4 to −0.66)" in text
+    assert "The offset of EW_A_inner in 3_wltp had to shrink by 2.2 sd: −1.0 K (−1.4 to −0.7)" in text
     assert "a no-load speed ladder" in text
     with_cause = Tags(page(tmp_path, EXPLAINED, {})).text
     assert "what calibration had to do beside the cause" in with_cause
@@ -431,9 +432,9 @@ def test_the_chain_falls_step_by_step_in_bars_and_in_a_table() -> None:
     plot = chain_bars(SEVERAL)
     assert plot is not None
     assert plot.title == (
-        "A session is 9.0 K off as published, 6.0 K where the recalibrated model "
-        "and 0.9 K where that with 2 terms more learns from the other sessions"
+        "A session predicted from the others: 9.0 K off as published, 6.0 K recalibrated, 0.9 K with 2 terms more"
     )
+    assert "--blue" not in plot.svg and "--vermillion" not in plot.svg, "colours that models have"
     assert plot.table.rows[0][:3] == ("As published", "–", "–")
     assert plot.table.rows[-1] == ("+ sensor.endwinding_b_outer.gain", "41", "3 of 3", "0.60", "1.20", "0.80", "1.60")
     for text in ("9.00", "5.10", "+ loss.magnet.speed2_current2", ">kept<", ">predicted from the others<"):

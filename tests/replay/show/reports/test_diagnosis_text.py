@@ -85,8 +85,8 @@ def test_a_diagnosis_ends_in_one_of_four_ways(diagnosis: Diagnosis, expected: En
 
 def test_what_is_wrong_gives_the_worst_node_with_its_place_then_the_others_then_the_floor() -> None:
     assert (
-        "magnet 6.1 K mean, 17.1 K worst, most at 8,000 to 16,000 rpm and at 300 to 450 A · rotor surface 5.2 K · "
-        "all else within its floor (0.4 K)"
+        "magnet 6.1 K off in the mean of the 2 sessions learnt from, 17.1 K at worst, most at 8,000 to 16,000 rpm and "
+        "at 300 to 450 A · rotor surface 5.2 K · all else within the sensors' own uncertainty (0.4 K)"
     ) in flat(diagnosis_text(NAMED))
 
 
@@ -149,7 +149,9 @@ def test_causes_that_cannot_be_told_apart_are_listed_with_the_test_that_would() 
     assert "conductance.magnet-rotor_core.scale: the heat path between magnet and rotor core" in text
     assert "Test that would: S2 at 12,000 rpm" in text
     told = answer(TOLD_APART)
-    assert told.startswith("Magnet loss grows with speed squared and current squared, or 2 others: on kept sessions")
+    assert told.startswith(
+        "Magnet loss grows with speed squared and current squared, or 2 other causes: on kept sessions"
+    )
     assert "These sessions cannot tell it from: magnet loss grows with speed and current squared; the heat path" in told
 
 
@@ -195,9 +197,9 @@ def test_the_two_models_are_told_apart() -> None:
         "of teeth near 8,000 rpm +1.4 sd without it, +0.4 sd with it "
         "of the nodes without a sensor they differ most at rotor core: 1.2 K in the mean of the kept sessions, 3.4 K "
         "at most (5_wltp 0:31:00) "
-        f"of 2 operating points they differ most at {NO_LOAD}: rotor core −7.4 K with it "
-        f"would tell which is right: {NO_LOAD}, where MAG_1 reads −5.9 K with it, 12 times what it may be off; or a "
-        f"sensor at rotor core, 7.4 K apart in {NO_LOAD}, 15 times what one may be off"
+        f"of 2 operating points they differ most at {NO_LOAD}: rotor core −7.4 K with the cause "
+        f"would tell which is right: {NO_LOAD}, where MAG_1 reads −5.9 K with the cause, 12 times what it may be off; "
+        f"or a sensor at rotor core, 7.4 K apart in {NO_LOAD}, 15 times what one may be off"
     )
     assert paragraphs(ABSORBED) == []
     assert "Two models numbers that move less with the cause" in flat(diagnosis_text(NAMED))
@@ -210,10 +212,11 @@ def test_two_models_that_agree_say_so() -> None:
     points = [replace(one, differ_K=0.04) for one in APART.points]
     same = replace(APART, over_kept=False, relieved=[], inside=near, points=points, test=None, sensor=None)
     assert paragraphs(replace(NAMED, two_models=same)) == [
-        "it relieves no coefficient by half of its sd or more",
+        "the cause relieves no coefficient by half of its sd or more",
         "at nodes without a sensor the two agree within 0.1 K in the mean of the sessions learnt from",
         "at 2 operating points the two agree within 0.1 K",
-        "neither an operating point nor one more sensor would tell which is right",
+        "neither an operating point nor one more sensor would tell which is right: "
+        + "they differ too little everywhere for what a sensor may be off",
     ]
 
 
@@ -240,10 +243,11 @@ def test_several_causes_are_each_named_with_what_was_masked_dropped_and_doubtful
 
 def test_a_motor_that_agrees_is_told_so_with_the_best_candidate_and_the_null() -> None:
     assert answer(SILENT) == (
-        "The twin agrees with these sessions within its floor: on kept sessions the magnet's error goes from 0.3 K as "
-        "published to 0.2 K recalibrated, fitted. 213 candidates tried, best ln BF 1.2 (null 4.6, threshold 8)."
+        "The twin agrees with these sessions within the sensors' own uncertainty: on kept sessions the magnet's error "
+        "goes from 0.3 K as published to 0.2 K recalibrated, fitted. 213 candidates tried, best ln BF 1.2 (null 4.6, "
+        "threshold 8)."
     )
-    assert "nothing: every node is within its floor (0.4 K)" in flat(diagnosis_text(SILENT))
+    assert "nothing: every node is within the sensors' own uncertainty (0.4 K)" in flat(diagnosis_text(SILENT))
     assert "none with evidence (null 4.6, threshold 8)" in answer(replace(SILENT, rivals=[]))
 
 
@@ -297,6 +301,21 @@ def test_the_first_sentence_is_short_and_has_no_names_of_code() -> None:
         assert not re.search(r"\w+\.\w+\.\w+|ln BF|_", first), first
     assert headline(longest).endswith("with the cause. Worse: endwinding a outer 0.4 -> 2.1 K (fitted 0.3 -> 2.0 K).")
     assert headline(NAMED).endswith("with the cause; worse: endwinding a outer 0.5 -> 0.7 K (fitted 0.6 -> 0.3 K).")
+
+
+def test_where_the_cause_leaves_the_worst_node_that_is_said_with_where_it_gains() -> None:
+    magnet = gain("magnet", 0.7, 0.7, (-0.1, 0.1), 1.6, recorded=(1.57, 0.69, 0.70))
+    teeth = gain("teeth", 1.4, 0.5, (0.6, 1.2), 1.5, recorded=(1.5, 1.31, 0.52))
+    told = headline(replace(NAMED, gain=[magnet, teeth]))
+    left = "the magnet's error falls from 1.6 K as published to 0.7 K recalibrated, where the cause leaves it"
+    assert told.endswith(f"{left}; the teeth's falls from 1.3 to 0.5 K with it.")
+    assert headline(replace(NAMED, gain=[magnet])).endswith(f"{left}.")
+
+
+def test_rivals_are_told_strongest_first() -> None:
+    weak, strong = (replace(NAMED.rivals[0], id=f"loss.teeth.{n}", log_bayes_factor=n) for n in (8.0, 36.0))
+    text = flat(diagnosis_text(replace(NAMED, rivals=[weak, strong])))
+    assert text.index(strong.id) < text.index(weak.id)
 
 
 def test_errors_that_no_file_could_be_replayed_for_say_that_they_are_fitted_and_why_there_is_none() -> None:
@@ -374,11 +393,11 @@ def test_an_unknown_heat_beside_a_named_cause_is_told_too() -> None:
 
 def test_too_little_data_says_what_is_left_and_which_test_would_tell() -> None:
     assert answer(TOO_LITTLE) == (
-        "These sessions cannot tell why. Magnet 6.1 K and rotor surface 5.2 K stay above the sensors' floor, and of "
-        "213 candidates none stands out: best ln BF 6.1 (null 4.6, threshold 8). 1 session to learn from and none kept "
-        "cannot say whether an offset is the sensor's, the coolant's or the start's, what changes from session to "
-        "session, whether sessions contradict each other and what the extended model gains. Most telling next test: S2 "
-        "at 6,000 rpm, 60 s pulses of 300 A."
+        "These sessions cannot tell why. Magnet 6.1 K and rotor surface 5.2 K stay above the sensors' own "
+        "uncertainty, and of 213 candidates none stands out: best ln BF 6.1 (null 4.6, threshold 8). 1 session to "
+        "learn from and none kept cannot say whether an offset is the sensor's, the coolant's or the start's, what "
+        "changes from session to session, whether sessions contradict each other and what the extended model gains. "
+        "Most telling next test: S2 at 6,000 rpm, 60 s pulses of 300 A."
     )
     assert "1 session (1 to learn from, 0 kept)" in flat(diagnosis_text(TOO_LITTLE))
 
@@ -439,9 +458,9 @@ def test_rivals_beyond_five_are_counted() -> None:
     ("cause", "unit", "estimate", "ci95", "says"),
     [
         ("loss.magnet.speed2_current2", "W", 1234.4, [1180.0, 1290.0], "+1,234 W (1,180 to 1,290)"),
-        ("conductance.shaft-rotor_core.constant", "W/K", -0.4, [-0.52, -0.31], "−0.4 W/K (−0.52 to −0.31)"),
-        ("loss.magnet.scale", "1", 1.35, [1.21, 1.5], "factor 1.35 (1.21 to 1.5)"),
-        ("sensor.magnet.gain", "1", 0.0312, [0.0284, 0.0341], "+3.12 % (2.84 to 3.41)"),
+        ("conductance.shaft-rotor_core.constant", "W/K", -0.4, [-0.52, -0.31], "−0.40 W/K (−0.52 to −0.31)"),
+        ("loss.magnet.scale", "1", 1.35, [1.21, 1.5], "factor 1.35 (1.21 to 1.50)"),
+        ("sensor.magnet.gain", "1", 0.0312, [0.0284, 0.0341], "+3.1 % (2.8 to 3.4)"),
         ("input.flow.bias", "lpm", 0.6, [0.4, 0.8], "+0.6 l/min (0.4 to 0.8)"),
         ("sensor.magnet.swap_teeth", "1", 1.0, [1.0, 1.0], ""),
         ("sensor.magnet.hold", "1", 0.1, [0.1, 0.1], ""),
@@ -490,7 +509,9 @@ def test_figures_keep_three_digits() -> None:
 
 def test_the_worst_of_several_channels_of_a_node_gives_its_place() -> None:
     two = [shown("magnet", 2.0, channel="A"), shown("magnet", 4.0, channel="B", where={"speed_rpm": [100.0, 900.0]})]
-    assert "magnet 3.0 K mean, 11.2 K worst, most at 100 to 900 rpm" in flat(diagnosis_text(replace(SILENT, shown=two)))
+    assert "magnet 3.0 K off in the mean of the session learnt from, 11.2 K at worst, most at 100 to 900 rpm" in flat(
+        diagnosis_text(replace(SILENT, shown=two))
+    )
 
 
 def test_the_viewer_s_panel_begins_with_the_answer_and_lists_causes_and_gain() -> None:
@@ -577,12 +598,12 @@ def test_several_terms_are_told_step_by_step() -> None:
     assert (
         "Step by step evidence alone decides on a term; how well each session is predicted from the others is" in told
     )
-    assert "mean error over the nodes of each session predicted from the others, then of kept" in told
+    assert "mean error over the nodes, each session as the others predict it; kept: of the kept" in told
     assert "as published: 9.00 K (magnet 6.0, rotor surface 12.0); kept 7.50 K" in told
     assert "recalibrated: 6.00 K (magnet 4.0, rotor surface 8.0), 3 of 3 sessions better; kept 5.10 K" in told
     assert "2 sensor.endwinding_b_outer.gain (ln BF 41): 0.90 K (magnet 0.6, rotor surface 1.2), 3 of 3" in told
     alone = replace(SEVERAL, chain=[replace(one, kept_mae_K={}) for one in SEVERAL.chain])
-    assert "predicted from the others as published: 9.00 K" in flat(diagnosis_text(alone))
+    assert "as the others predict it as published: 9.00 K" in flat(diagnosis_text(alone))
     assert "Step by step" not in diagnosis_text(replace(SEVERAL, causes=[])), "nothing was let in"
 
 
@@ -608,5 +629,8 @@ def test_a_crude_file_is_told_with_the_evidence_that_it_asks_for() -> None:
 @pytest.mark.parametrize("judge", ["sessions left out", "few sessions"])
 def test_what_let_terms_in_is_said_where_it_was_not_evidence_alone(judge: str) -> None:
     told = flat(diagnosis_text(replace(SEVERAL, causes=[EDDY], chain=SEVERAL.chain[:3], judged_by=judge)))
-    assert "Step by step what is left is far above a lumped model's own error, so the file's form is wrong" in told
+    assert (
+        "Step by step what recalibration leaves is far above a lumped model's own error, so the file's form is wrong"
+        in told
+    )
     assert (f"fewer than {ENOUGH_SESSIONS} sessions" in told) == (judge == "few sessions")

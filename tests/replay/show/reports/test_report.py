@@ -197,7 +197,7 @@ def test_the_report_tells_in_order_answer_sessions_maps_balance_and_source(two: 
         "The model is furthest off at the rotor surface",
         "How far off, and where",
         "Session by session",
-        "2025-10-09 08:53:20 UTC",
+        "2025-10-09 08:53 UTC",
         "What drove it",
         "Where in operation",
         "Power balance",

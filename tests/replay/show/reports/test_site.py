@@ -91,7 +91,9 @@ def test_the_course_is_the_residual_of_the_channel_that_is_furthest_off() -> Non
 
 def test_of_sessions_without_a_report_the_first_page_lists_the_last_ones_only() -> None:
     def row(number: int, link: str) -> SessionRow:
-        return SessionRow(f"s{number}", "dc_check", "M", "", "", link, worst="", wrong=False, course="")
+        return SessionRow(
+            f"s{number}", "dc_check", "M", "", "", link, worst="", without="no motor file", wrong=False, course=""
+        )
 
     rows = [row(number, "sessions/a.html" if number in (3, MOST) else "") for number in range(2 * MOST)]
     shown = listed(rows)

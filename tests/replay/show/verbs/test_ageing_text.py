@@ -12,20 +12,51 @@ import pytest
 from ingest.facts.archive import Archive
 from made.ageing import STILL, WORSE, assessment
 from replay.engine.specimen.heat_history import HoursByTemperature
-from replay.show.verbs.ageing import ageing_text, answer
-from replay.studies.ageing.assessment import Batch, HotHours, StressEffect, document, read
+from replay.show.verbs.ageing import ageing_text, answer, course, slope
+from replay.studies.ageing.assessment import AgeingLaw, Assessment, Batch, HotHours, StressEffect, document, read
 from replay.studies.ageing.tables import Tables
 
 
 def test_what_changed_is_said_with_its_size_and_what_did_not_by_name() -> None:
     said = answer(assessment(WORSE, STILL))
-    assert "S01: rising steadily, R +20.4 % per 100 h (17.0 to 23.0) (probability of this form 93 %)" in said
+    assert "S01: R rises steadily, +20.4 % per 100 h (17.0 to 23.0) (probability of this form 93 %)" in said
     assert "S02: no change beyond repeatability" in said
     assert "Not as the others: S01" in said
 
 
+def test_one_course_has_one_name_in_sentence_and_table() -> None:
+    dips = replace(WORSE, form="dip_then_rise", change_at_dose_h=7.0)
+    assert "S01: R falls, then rises from 7 h on, +20.4 % per 100 h" in answer(assessment(dips))
+    rows = {line[:3]: line for line in ageing_text(assessment(dips, STILL)).splitlines()}
+    assert " falls, rises " in rows["S01"] and " no change " in rows["S02"]
+
+
+def test_a_course_without_change_has_no_slope_of_its_own_beside_that_of_its_fleet() -> None:
+    assert course(STILL).startswith("no change beyond repeatability (probability")
+    flat_fleet = replace(STILL, fleet_slope_percent_per_100h=-0.02)
+    assert slope(flat_fleet) == "0.0 %", "nothing has no sign"
+
+
+def test_of_too_few_specimens_none_is_said_not_to_stand_out() -> None:
+    two = [replace(one, score=None, outlying=False) for one in (WORSE, STILL)]
+    assert answer(assessment(*two)).endswith("There are too few specimens to tell whether one stands out.")
+
+
+def test_what_a_law_is_sure_to_and_what_specimens_differ_by_are_two_things() -> None:
+    law = AgeingLaw(percent_per_100h=-1.6, sd=1.8, from_h=0.0, source="fleet", model=None)
+    assert "1.6 % less each 100 h (specimens differ by 1.8 %), from the fleet" in flat(
+        replace(assessment(WORSE), law=law)
+    )
+    law = replace(law, source="S01", from_h=7.0)
+    assert "each 100 h from 7 h on (sd 1.8 %), from S01" in flat(replace(assessment(WORSE), law=law))
+
+
+def flat(found: Assessment) -> str:
+    return " ".join(ageing_text(found).split())
+
+
 def test_a_falling_course_is_not_called_rising() -> None:
-    assert "falling steadily" in answer(assessment(replace(WORSE, slope_percent_per_100h=-9.0, ci95=None)))
+    assert "R falls steadily" in answer(assessment(replace(WORSE, slope_percent_per_100h=-9.0, ci95=None)))
 
 
 def test_of_a_specimen_with_too_few_checks_no_course_is_said() -> None:
@@ -71,13 +102,13 @@ def test_stresses_are_said_apart_where_they_are_told_apart_and_as_one_or_other_w
     nothing = StressEffect(name="vibration", unit="h", percent=None, sd_percent=None, not_told_from=[])
 
     def said(*stress: StressEffect) -> str:
-        return " ".join(ageing_text(replace(assessment(WORSE), stress=list(stress))).split())
+        return flat(replace(assessment(WORSE), stress=list(stress)))
 
     assert "Stress R +40.0 % ± 9.0 % each 100 h (discharge), all specimens together" in said(heat, cycles, discharge)
     assert (
         "Stress heat and cycles cannot be told apart here: R +24.0 % ± 2.0 % each 100 h above 180 °C or R −2.9 % "
         "± 0.3 % each cycle, "
-        "if one alone did it" in said(heat, cycles, nothing)
+        "if one alone did it, all specimens together" in said(heat, cycles, nothing)
     )
     assert "Stress" not in said(discharge), "one alone is the slope"
     assert "Stress" not in said()

@@ -115,6 +115,11 @@ def test_many_parameters_that_the_data_leave_free_are_counted_and_not_listed() -
     }
     (line,) = [line for line in calibration_text(data).splitlines() if line.startswith("Left free")]
     assert line.endswith("9 of 9 parameters keep over 90 % of their prior sd: 7 of conductance and 2 of")
+    moved = parameter | {"name": "capacity.a.scale", "before": 1370.2, "value": 999.92, "log_change": -0.9, "sd": 0.089}
+    (row,) = [line for line in calibration_text(data | {"parameters": [moved]}).splitlines() if "capacity.a" in line]
+    assert row.split()[1:] == ["1,370", "1,000", "W", "9.3", "%"], "no digit more than 1 sd leaves"
+    meter = {"session_name": "1_s1", "place": "shaft", "channel": "P", "unit": "W", "before": 90.0, "after": 20.0}
+    assert "meter reads 1.2 % too little" in calibration_text(data | {"errors": [meter | {"gain": -0.012}]})
     few = calibration_text(data | {"parameters": data["parameters"][-2:]})
     assert "2 of 2 parameters keep over 90 % of their prior sd: loss.a.current2," in few
 

@@ -116,4 +116,5 @@ def test_a_motor_without_limits_is_refused(bench: Path, tmp_path: Path, capsys: 
 def test_a_load_beyond_what_was_recorded_is_said_in_words() -> None:
     unlimited = Border(17.2, 17.0, 17.4, None, 3.0)
     assert load_says(unlimited) == "at least 17"
+    assert load_says(replace(unlimited, load=0.0)) == "no load", "none was recorded, so nothing is held"
     assert load_says(replace(unlimited, node="winding", low=15.1)) == "17 (15 to 17)"

@@ -22,6 +22,7 @@ from made import can_bench
 from made.browser import faults
 from made.onward import next_commands
 from replay.cli import main
+from replay.show.verbs.protocol import answer as protocol_answer
 from replay.show.verbs.protocol import filter_notes, next_points, protocol_text
 from replay.studies.characterise.protocol import Proposal, Protocol, run_protocol
 from replay.studies.sessions import recorded
@@ -134,6 +135,15 @@ def test_how_many_points_are_worth_running_is_said(found: Protocol) -> None:
     assert next_points(replace(found, proposals=(replace(few[0], gain=99.0), *few[1:]))).startswith("A teaches 96 %")
 
 
+def test_a_node_that_the_fit_makes_worse_is_said(found: Protocol) -> None:
+    (before,) = found.before
+    assert "; worse: " not in protocol_answer(found)
+    right = replace(before, mae_K=before.mae_K | {"yoke": 0.2})
+    off = replace(found.after[0], mae_K=found.after[0].mae_K | {"yoke": 0.7})
+    told = protocol_answer(replace(found, before=(right,), after=(off,)))
+    assert "; worse: yoke 0.2 -> 0.7 K. " in told
+
+
 def test_why_a_filter_is_worse_than_the_open_loop_is_said(found: Protocol) -> None:
     (after,) = found.after
     assert after.filtered is not None
@@ -150,9 +160,11 @@ def test_why_a_filter_is_worse_than_the_open_loop_is_said(found: Protocol) -> No
 
     open_loop = max(one.mae_K for one in after.channels)
     (_, why) = notes(open_loop + 0.5, (0.6, 0.4))
-    assert f"a thermometer that reads too much (by the calibration {winding} +0.5 K); a [[correction]]" in why
+    assert f"a thermometer that is off (by the calibration {winding} reads 0.5 K too much); a [[correction]]" in why
+    (_, why) = notes(open_loop + 0.5, (-0.6, -0.4))
+    assert f"{winding} reads 0.5 K too little)" in why
     (_, why) = notes(open_loop + 0.5, (0.6, -0.4))
-    assert "reads too much; a [[correction]]" in why
+    assert "a thermometer that is off; a [[correction]]" in why
     assert len(notes(0.0, (0.6, 0.4))) == 1
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from made.browser import faults
 from made.fleet import Fleet
 from replay.cli import main
 
+ERRORS = re.compile(r'<td class="n">([\d.]+) K</td><td class="n">([\d.]+) K</td><td class="n">([+-]?[\d.]+) K</td>')
 Capture = pytest.CaptureFixture[str]
 
 
@@ -44,6 +46,9 @@ def test_a_change_is_a_page_with_every_number_down_to_its_records(
     text = page.read_text(encoding="utf-8").replace("\N{NO-BREAK SPACE}", " ")
     for part in ("May this be what the motor is?", found["replaced"][0]["new"], "Looked at by", "whyhot retract"):
         assert part in text
+    rows = ERRORS.findall(text.replace("−", "-"))
+    told = [(float(before) - float(after), float(better)) for before, after, better in rows]
+    assert told and all(abs(fell - better) < 0.05 for fell, better in told), "figures of a row add up"
     one = next(one for one in found["readings"] if one["channel"] == "TC_magnet")
     lineage = f"{one['runs'][0]}/TC_magnet"
     assert f"whyhot lineage {lineage}" in text

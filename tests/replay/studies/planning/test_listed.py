@@ -93,7 +93,7 @@ def test_straight_lines_between_rows_are_driven(bench: Path, tmp_path: Path) -> 
         (POINT.replace("3000,12,30\n1500", "x,12,30\n1500"), "row 3 does not hold 4 numbers: 10,x,12,30"),
         (f"{HEAD}10,0,0,30\n0,0,0,30\n", "time_s must rise from row to row"),
         (POINT.replace("1500", "600"), "the tests last 10 min together, too short"),
-        (HOT, "point: the winding is above its 70 degC after"),
+        (HOT, "point: the winding is above its 70 °C after"),
         (HOT.replace(",25,", ",9000,"), "colder coolant or a shorter test would relax it"),
     ],
 )
