@@ -63,6 +63,7 @@ class CsvLog(Log):
 
     line: ClassVar[str] = "line"  # what one row of the table is called
     unsaid: ClassVar[tuple[str, ...]] = ()  # settings of a text that such a file does not have
+    no_row: ClassVar[str] = ""  # as in `LineReader`
     _dialect: Dialect = field(init=False)
     _clock: Clock = field(init=False)
     _series: Sequence[TimedColumns] = ()
@@ -289,7 +290,7 @@ class CsvLog(Log):
         bad: dict[int, tuple[str, str]] = {}
         if cut and lines and _is_row(lines[-1]):
             bad[len(lines) - 1] = ("", "the file ends inside it")
-        reader = LineReader(self._dialect, self._numeric)
+        reader = LineReader(self._dialect, self._numeric, self.no_row)
         part = reader.read(lines, [place for place in np.flatnonzero(written).tolist() if place not in bad], bad)
         there = self._there(part)
         records = written.astype(np.int64)  # of each line: a row of several series is one of each that it says
