@@ -44,8 +44,8 @@ class Clock(ABC):
         """Why a cell that `t_ns` called bad is no time."""
         return f'"{cell[:SHOWN]}" is no time ({self.says})'
 
-    def counted(self) -> dict[str, int]:
-        """What was counted on the way, for the settings."""
+    def counted(self) -> dict[str, Any]:
+        """What was counted, or guessed, on the way, for the settings."""
         return {}
 
 
@@ -88,7 +88,7 @@ class Counted(Clock):
             self._wraps, self._last = int(wraps[-1]), float(cells[said[-1]])
         return np.asarray(cells + wraps * float(WRAP)) if self._wraps else cells
 
-    def counted(self) -> dict[str, int]:
+    def counted(self) -> dict[str, Any]:
         return {"counter_wraps": self._wraps} if self._wraps else {}
 
 
@@ -127,6 +127,7 @@ class OfDay(Clock):
     than half a turn, which is a day, has begun the next one."""
 
     origin_ns: int = 0
+    either: str = ""  # its first time, where that may be minutes and seconds as well as hours and minutes
     called: ClassVar[str] = "time of day"
     turn_s: ClassVar[float] = DAY_S
     is_text: bool = field(default=True, init=False)
@@ -147,6 +148,9 @@ class OfDay(Clock):
             self._turns, self._last_s = int(turns[-1]), float(seconds[fine[-1]])
         t_s = np.where(bad, 0.0, seconds + turns * self.turn_s)
         return self.origin_ns + np.rint(t_s * 1e6).astype(np.int64) * 1000, bad
+
+    def counted(self) -> dict[str, Any]:
+        return {"time_either": self.either} if self.either else {}
 
 
 class OfHour(OfDay):
@@ -272,5 +276,5 @@ class Stamped(Clock):
             return super().why(cell)
         return f"{clock} does not exist in {self.local.zone.key} on that day (clocks went forward)"
 
-    def counted(self) -> dict[str, int]:
+    def counted(self) -> dict[str, Any]:
         return {"ambiguous_rows": self.local.ambiguous} if self.local.ambiguous else {}

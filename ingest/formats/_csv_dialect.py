@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import isnan
 
@@ -72,6 +72,12 @@ class Dialect:
     def said(self, column: str) -> list[str]:
         """Those of them that are not missing."""
         return [cell for cell in self.cells_of(column) if cell not in _csv_numbers.MISSING]
+
+    def all_said(self, column: str) -> Iterator[str]:
+        """Those of all rows of the table."""
+        place = self.names.index(column)
+        whole = (row[place].strip() for row in self.rows() if len(row) == len(self.names))
+        return (cell for cell in whole if cell not in _csv_numbers.MISSING)
 
     def numbers(self, column: str) -> list[float]:
         """Those of them that are numbers."""

@@ -347,16 +347,18 @@ def _of_dates(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
 def _of_day(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
     """The clock of a column of times of day, with or without seconds, or of what is left of them within the hour, which
     nothing dates."""
-    said = dialect.said(column)
+    said, start, either = dialect.said(column), time.start_ns, ""
     kind = _kind_of_day(time.format, column, said, in_digits(column, dialect))
-    start = time.start_ns
-    return kind(says=kind.called, absolute=start is not None, columns=(column,), origin_ns=start or 0) if kind else None
+    if kind is None and said and seconds_of_minutes(said[0]) >= OfHour.turn_s:  # what counts begins below an hour
+        kind, either = (OfHour, "") if any(map(_is_late, dialect.all_said(column))) else (OfMinutes, said[0])
+    own: dict[str, Any] = {"absolute": start is not None, "columns": (column,), "origin_ns": start or 0}
+    return kind(says=kind.called, either=either, **own) if kind else None
 
 
 def _kind_of_day(form: str | None, column: str, said: Sequence[str], digits: bool) -> type[OfDay] | None:
     """What the cells of a column are of the day; None where they are none, or nothing tells: `02:07` is what `form`
     says, or the column's name; minutes and seconds where it has parts of a second, or as no hour is so late; hours and
-    minutes by `PM`, or as what counts from a start begins below one."""
+    minutes by `PM`."""
     if _most(seconds_of_day, said):
         return OfDay
     if digits:
@@ -366,10 +368,15 @@ def _kind_of_day(form: str | None, column: str, said: Sequence[str], digits: boo
     name = words(column)
     if form in WITHIN_DAY or "ss" in name or "hh" in name:
         return WITHIN_DAY.get(form or "") or (OfMinutes if "hh" in name else OfHour)
-    matches = [OF_HOUR.fullmatch(cell.strip()) for cell in said]
-    if any(match and (int(match["minutes"]) > 23 or not match["seconds"].isdecimal()) for match in matches):
+    if any(map(_is_late, said)):
         return OfHour
-    return OfMinutes if None in matches or seconds_of_minutes(said[0]) >= OfHour.turn_s else None
+    return OfMinutes if any(OF_HOUR.fullmatch(cell.strip()) is None for cell in said) else None
+
+
+def _is_late(cell: str) -> bool:
+    """Whether `38:20` or `02:07.5` are minutes and seconds: no day has such an hour, and no minute such parts."""
+    match = OF_HOUR.fullmatch(cell.strip())
+    return match is not None and (int(match["minutes"]) > 23 or not match["seconds"].isdecimal())
 
 
 def _most(seconds: Callable[[str], float], said: Sequence[str]) -> bool:

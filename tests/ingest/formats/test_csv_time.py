@@ -287,6 +287,19 @@ def test_what_may_be_both_is_asked_for_in_words_that_work(tmp_path: Path, form: 
         assert read(path, spec)[1] == [0, step_s * S_NS, 2 * step_s * S_NS]
 
 
+@pytest.mark.parametrize(
+    ("rows", "says", "either"),
+    [(1121, "minutes and seconds", None), (1120, "hours and minutes", "05:20")],  # up to 23:59, and on
+)
+def test_times_that_may_be_both_are_told_by_a_late_one_anywhere_or_said(
+    tmp_path: Path, rows: int, says: str, either: str | None
+) -> None:
+    cells = [f"{k // 60:02d}:{k % 60:02d}" for k in range(320, 320 + rows)]
+    log, t_ns, _ = read(table(tmp_path, "Zeit,T\n" + "".join(f"{cell},1\n" for cell in cells)))
+    assert (log.settings["time"], log.settings.get("time_either")) == (says, either)
+    assert t_ns[1] - t_ns[0] == (S_NS if either is None else 60 * S_NS)
+
+
 @pytest.mark.parametrize(("name", "unit_ns"), [("millis", 1_000_000), ("timestamp_us", 1000)])
 @pytest.mark.parametrize("rows", [4, 300])  # before the counter begins anew: within what is looked at first, and behind
 def test_a_counter_of_32_bits_that_begins_anew_goes_on(tmp_path: Path, name: str, unit_ns: int, rows: int) -> None:
