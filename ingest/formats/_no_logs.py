@@ -23,10 +23,10 @@ NO_LOGS: Mapping[bytes, str] = {
         "arrays of NumPy (NPZ). Export one with numpy.savetxt('log.csv', numpy.load(FILE)['name'], delimiter=',', "
         "header='t_s,...')"
     ),
-    rb"MATLAB 7\.\d MAT": "a MATLAB file of version 7.3. Save it with save(FILE, '-v7')",
+    rb"MATLAB 7\.\d MAT": "a MATLAB file of version 7.3. Save it from MATLAB, once loaded there, with save(FILE, '-v7')",
     rb"\x89HDF": (
-        "an HDF5 file (of MATLAB 7.3: save(FILE, '-v7') there). Export the table as Parquet or CSV "
-        "(pandas: read_hdf(...).to_parquet)"
+        "an HDF5 file (of MATLAB 7.3: save(FILE, '-v7') there). Export the table as Parquet or CSV (pandas: "
+        "read_hdf(...).to_parquet, or DataFrame({'t_s': h5py.File(...)['t_s'][:], ...}).to_parquet)"
     ),
     rb"CDF[\x01\x02\x05]": "a netCDF file. Export it as Parquet (xarray: open_dataset(...).to_dataframe().to_parquet)",
     rb"\x93NUMPY": "an array of NumPy. Export it with numpy.savetxt('log.csv', a, delimiter=',', header='t_s,...')",

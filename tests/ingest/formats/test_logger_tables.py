@@ -484,10 +484,11 @@ def test_labels_above_a_table_say_its_names_units_and_rate(tmp_path: Path, timed
 
 
 @pytest.mark.parametrize(
-    ("label", "other"), [('"BlockNumber","1"', '"BlockNumber","2"'), ('"5.0E-01"\n"HO', '"1"\n"HO')]
+    ("label", "other"),
+    [('"BlockNumber","1"', '"BlockNumber","2"'), ('"5.0E-01"\n"HO', '"1"\n"HO'), (",,7.0E+00\n", f"\n{DL}")],
 )
-def test_several_blocks_or_rates_below_labels_are_refused(tmp_path: Path, label: str, other: str) -> None:
+def test_several_blocks_or_rates_below_labels_are_refused_as_that(tmp_path: Path, label: str, other: str) -> None:
     assert label in DL
     (path := tmp_path / "dl.csv").write_text(DL.replace(label, other), encoding="utf-8")
-    with pytest.raises(UnreadableLogError):
+    with pytest.raises(UnreadableLogError, match=r"Of a Yokogawa DL scope one block at one rate is read: convert each"):
         read(path)
