@@ -23,7 +23,7 @@ NO_LOGS: Mapping[bytes, str] = {
         "arrays of NumPy (NPZ). Export one with numpy.savetxt('log.csv', numpy.load(FILE)['name'], delimiter=',', "
         "header='t_s,...')"
     ),
-    rb"MATLAB 7\.\d MAT": "a MATLAB file of version 7.3. Save it from MATLAB, once loaded there, with save(FILE, '-v7')",
+    rb"MATLAB 7\.\d MAT": "a MATLAB file of version 7.3. Save it, once loaded, with save(FILE, '-v7')",
     rb"\x89HDF": (
         "an HDF5 file (of MATLAB 7.3: save(FILE, '-v7') there). Export the table as Parquet or CSV (pandas: "
         "read_hdf(...).to_parquet, or DataFrame({'t_s': h5py.File(...)['t_s'][:], ...}).to_parquet)"
