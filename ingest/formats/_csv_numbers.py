@@ -12,7 +12,23 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-NOTHING = ("", "nan", "NaN", "NAN", "NA", "N/A", "n/a", "null", "NULL", "None", "NoValue")
+NOTHING = (
+    "",
+    "nan",
+    "NaN",
+    "NAN",
+    "NA",
+    "N/A",
+    "n/a",
+    "null",
+    "NULL",
+    "None",
+    "NoValue",
+    "n.a.",
+    "N.A.",
+    "k.A.",
+    "n.v.",
+)
 OVER_RANGE = ("OL", "O.L", "OVER", "OVLD", "nan", "inf", "Inf", "INF", "∞", "1.#INF", "1.#QNAN", "1.#IND")
 BROKEN = ("OPEN", "Open", "INVALID", "Invalid", "Error", "unavailable", "#OVL", "OTC", "---O-F---", "---O-L---")
 FAULTS = (  # in any of three spellings: "over range", "Over range", "OVER RANGE"; in four languages

@@ -51,7 +51,7 @@ NUMBER_AND_UNIT = re.compile(  # or a sign behind it: 1.5-, 20 ± 0.5
     r"[+-]?\d[\d.,]* ?[^\W\d]{1,4}|[+-]?\d[\d.,]* [^\s\d]{1,6}|[+-]?\d[\d.,]*(?:[-*°%]| ?± ?[\d.,]+)"
 )
 RUNTIME = ('"$RT_', "$RT_")  # marks of Siemens' operator panels: switched on or off, or how many lines there are
-TYPES_LINE = re.compile(r'(?:"?[fiu][1248]"?[\t;, ]*)+\r?')  # of columns, as ETAS writes them
+TYPES_LINE = re.compile(r'"?[fiu][1248]"?(?:[\t;, ]+"?(?:[fiu][1248]|s\d*)"?)*[\t;, ]*\r?')  # as ETAS writes them
 NUMBER_BEGINS = frozenset("0123456789+-.")
 MINUS = "\u2212"  # the sign that typesetters write for it
 ABOVE = 20  # lines above the header that are kept as they stand

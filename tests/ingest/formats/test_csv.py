@@ -467,6 +467,8 @@ def test_numbers_that_may_have_thousands_are_texts_that_are_named(tmp_path: Path
     "cell",
     [
         "NoValue",
+        "n.a.",
+        "k.A.",
         "Overflow",
         "OVER RANGE",
         "∞",

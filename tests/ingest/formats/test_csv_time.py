@@ -277,6 +277,36 @@ def test_a_short_date_in_digits_is_asked_for_in_words_that_work(tmp_path: Path, 
     assert log.absolute and first % (86_400 * S_NS) == (50_400_250_000_000 if "." in clock else 28_800 * S_NS)
 
 
+@pytest.mark.parametrize(
+    "stamp",
+    ["Mi 24.12.2025 08:00:00", "Mittwoch, 24.12.2025 08:00:00", "Wed 12/24/2025 08:00:00", "Mer. 2025-12-24 08:00"],
+)
+def test_a_day_of_the_week_may_stand_before_a_date(tmp_path: Path, stamp: str) -> None:
+    log, t_ns, _ = read(table(tmp_path, f"Time\tT\n{stamp}\t20\n"))
+    assert (t_ns, log.absolute) == ([DECEMBER_NS], True)
+
+
+def test_other_words_before_a_date_are_a_name(tmp_path: Path) -> None:
+    assert list(read(table(tmp_path, "t;Ref 24.12.2025;n\n0;20;5\n1;21;6\n"))[2]) == ["Ref 24.12.2025", "n"]
+
+
+@pytest.mark.parametrize(("order", "month"), [("%d/%m", 11), ("%m/%d", 6)])
+def test_a_day_of_the_week_does_not_tell_day_from_month(tmp_path: Path, order: str, month: int) -> None:
+    path = table(tmp_path, "Time,T\nThu 06/11/2025 08:00:00,20\n")
+    with pytest.raises(UnreadableLogError, match="may begin with the day or with the month") as refusal:
+        read(path)
+    assert (form := f"%a {order}/%Y %H:%M:%S") in str(refusal.value)
+    begin = datetime(2025, month, 17 - month, 8, tzinfo=UTC)
+    assert read(path, TimeSpec(format=form))[1] == [utc_ns(begin)]
+
+
+def test_24_00_is_the_end_of_a_day_and_no_later(tmp_path: Path) -> None:
+    rows = "23.12.2025;24:00:00;1\n24.12.2025;08:00:00;2\n24.12.2025;24:00:01;3\n24.12.2025;25:00:00;4\n"
+    log, t_ns, _ = read(table(tmp_path, f"Datum;Zeit;T\n{rows}"))
+    assert t_ns == [DECEMBER_NS - 8 * 3600 * S_NS, DECEMBER_NS]
+    assert [one.record for one in log.rejected] == [2, 3]
+
+
 @pytest.mark.parametrize(("form", "step_s"), [("%H:%M", 60), ("%M:%S", 1)])
 def test_what_may_be_both_is_asked_for_in_words_that_work(tmp_path: Path, form: str, step_s: int) -> None:
     path = table(tmp_path, "Zeit;T\n00:00;1\n00:01;2\n00:02;3\n")
@@ -393,7 +423,7 @@ def test_days_alone_are_stamps_where_their_column_is_named(tmp_path: Path, cells
         read(path, TimeSpec(column="Datum"))
 
 
-@pytest.mark.parametrize("cell", ["31.02.2024 08:00:00", "01.13.2024 08:00:00", "01.03.2024 24:00:00", "gestern", ""])
+@pytest.mark.parametrize("cell", ["31.02.2024 08:00:00", "01.13.2024 08:00:00", "01.03.2024 25:00:00", "gestern", ""])
 def test_a_stamp_that_is_none_is_rejected(tmp_path: Path, cell: str) -> None:
     path = table(tmp_path, f"Zeit;T\n01.03.2024 08:00:00;20\n{cell};21\n01.03.2024 08:00:02;20\n")
     log, t_ns, _ = read(path, TimeSpec(column="Zeit", format="%d.%m.%Y %H:%M:%S"))
@@ -445,7 +475,7 @@ def test_the_hour_that_comes_twice_is_told_by_the_step_back(tmp_path: Path) -> N
 
 @pytest.mark.parametrize("time", [TimeSpec(), TimeSpec(column="time", format="%d.%m.%Y %H:%M:%S")])
 def test_a_time_that_does_not_exist_is_rejected_with_the_reason(tmp_path: Path, time: TimeSpec) -> None:
-    local = ["01:59:59", "02:00:00", "02:30:00", "24:00:00", "03:00:00"]
+    local = ["01:59:59", "02:00:00", "02:30:00", "25:00:00", "03:00:00"]
     path = table(tmp_path, "time,T\n" + "".join(f"31.03.2024 {clock},20\n" for clock in local))
     log, t_ns, _ = read(path, replace(time, zone="Europe/Rome"))
     assert np.diff(t_ns).tolist() == [S_NS]
@@ -454,7 +484,7 @@ def test_a_time_that_does_not_exist_is_rejected_with_the_reason(tmp_path: Path, 
         ("line 3, column time", f"02:00:00 {gone}"),
         ("line 4, column time", f"02:30:00 {gone}"),
     ]
-    assert log.rejected[2].why.startswith('"31.03.2024 24:00:00" is no time (')
+    assert log.rejected[2].why.startswith('"31.03.2024 25:00:00" is no time (')
 
 
 def test_a_stamp_with_its_own_offset_exists_whatever_the_zone(tmp_path: Path) -> None:

@@ -209,6 +209,13 @@ LOGGED = {
     "minutes and seconds that a spreadsheet left": Logged(
         "Time,T,n\n59:59.0,20,5\n00:00.0,21,6\n00:01.0,,7\n", begins_ns=3599 * S_NS
     ),
+    "a text among the columns that MDA exported": Logged(
+        "ETASAsciiItemFile\trecord\tCrLf\tTab\nsampleCount\t3\ntime\tT\tn\tstate\t\nf8\tf8\tf8\ts\t\n"
+        "s\t°C\t1/min\t\t\n0.0\t20\t5\tRUN\t\n0.1\t21\t6\tRUN\t\n0.2\t\t7\tSTOP\t\n",
+        units=("°C", "1/min"),
+        begins_ns=0,
+        step_ns=TENTH,
+    ),
     "mm:ss": Logged("time (mm:ss),T,n\n09:58,20,5\n09:59,21,6\n10:00,,7\n", begins_ns=598 * S_NS),
     "rows that end with a delimiter, unlike names and units": Logged(
         "time;T;n\ns;degC;rpm\n0,0;20,0;5;\n0,1;21,0;6;\n0,2;;7;\n", units=("degC", "rpm"), begins_ns=0, step_ns=TENTH
