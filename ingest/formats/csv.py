@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import SERIES, SHOWN, Log, Rejected, Rows
+from ingest.formats._csv_begun import begun
 from ingest.formats._csv_clocks import Clock
 from ingest.formats._csv_dialect import (
     SAMPLE_ROWS,
@@ -143,7 +144,7 @@ class CsvLog(Log):
         comments = (line for line in lines[:begin] if line[:1] == "#")
         self._heads = frozenset((lines[written[len(dialect.lines_above)]], lines[begin - 1], *comments))
         dialect = replace(dialect, rows=lambda: self._all_rows(begin, dialect.delimiter))
-        self._take(dialect, recognise_clock(self.time, dialect, self.path.name))
+        self._take(dialect, self._dated(recognise_clock(self.time, dialect, self.path.name), dialect))
         if self._clock.columns:
             self._long = recognise_long(dialect, self._clock.columns, times_of(self._clock, dialect))
         self.absolute = self._clock.absolute
@@ -164,6 +165,15 @@ class CsvLog(Log):
         if dialect.renamed:
             self.settings["renamed"] = dialect.renamed
         return begin
+
+    def _dated(self, clock: Clock, dialect: Dialect) -> Clock:
+        """The clock, from the start that a line above the table says, where nothing else dates it."""
+        start = None if clock.absolute or self.time.untimed else begun(self.time, clock, dialect)
+        if start is None:
+            return clock
+        self.settings["begun"] = start.line[:SHOWN]
+        self.time = replace(self.time, start_ns=start.start_ns)
+        return recognise_clock(self.time, dialect, self.path.name)
 
     def _take(self, dialect: Dialect, clock: Clock) -> None:
         """Let the rows to come be of this table."""

@@ -99,6 +99,8 @@ def _file_lines(one: InspectedFile) -> list[str]:
         lines.append(f"  begins with {count:,} bytes of 0: what stood there is lost; copy the file again")
     if "header_line" in reading.settings:
         lines.append(f"  its header is line {reading.settings['header_line']:,}")
+    if begun := reading.settings.get("begun"):
+        lines.append(f'  its times count from what stands above it: "{begun}"')
     if count := reading.settings.get("lines_of_no_row"):
         lines.append(f"  {counted(count, 'line')} below its header: comments, or the header again")
     if reading.settings.get("counter_wraps"):

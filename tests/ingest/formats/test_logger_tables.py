@@ -68,7 +68,6 @@ LOGGED = {
         "Data info\nFile name\tmotor.dxd\nStart time\t14.3.2025 08:00:00.000\nNumber of channels\t2\n\n"
         "Data1\nTime (s)\tT (°C)\tn (rpm)\n0,0000\t20,00\t5\n0,1000\t21,00\t6\n0,2000\t\t7\n",
         names=("T (°C)", "n (rpm)"),
-        begins_ns=0,
         step_ns=TENTH,
         encoding="utf-8-sig",
     ),
@@ -86,7 +85,6 @@ LOGGED = {
         "HBM_CATMAN_DATAFILE_40\t\nNumber of channels: 3\nT0 = 14.03.2025 08:00:00\n\n"
         "Zeit  1 - Standardmessrate\tT\tn\ns\t°C\t1/min\n0,0\t20,0\t5\n1,0\t21,0\t6\n2,0\t#OVL\t7\n",
         units=("°C", "1/min"),
-        begins_ns=0,
         encoding="cp1252",
     ),
     "NI waveforms": Logged(
