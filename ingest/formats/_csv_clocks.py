@@ -252,6 +252,7 @@ class Stamped(Clock):
     local: LocalClock
     digits: int = 0  # of the part of the second that the last of the columns holds: 3 where it is milliseconds
     zoned: bool = False  # the last of them, behind that, holds the zone
+    zone_said: str = ""  # of all stamps, which say none: UTC+1
     sparse_dates: bool = False  # the first of them holds a date where it is another one, as ALMEMO writes it
     is_text: bool = field(default=True, init=False)
     _day: str = field(default="", init=False)  # the date that was said last
@@ -265,6 +266,8 @@ class Stamped(Clock):
         if self.digits:
             both = zip(stamps, columns[len(own)], strict=True)
             stamps = np.array([f"{one}.{part.strip():0>{self.digits}}" for one, part in both], object)
+        if self.zone_said:
+            return np.array([f"{one.strip()} {self.zone_said}" if one.strip() else "" for one in stamps], object)
         return joined(stamps, columns[-1]) if self.zoned else stamps
 
     def t_ns(self, cells: NDArray[Any], record: Ints) -> tuple[Ints, Flags]:

@@ -39,6 +39,7 @@ from ingest.formats._csv_stamp_columns import (
     NO_RECORD,
     asked,
     column_fits,
+    in_headed_zone,
     in_named_zone,
     known_forms,
     of_cells,
@@ -105,7 +106,10 @@ def recognise_clock(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
         clock = _stated(time, time.column, dialect, log)
     else:
         clock = _found(time, dialect, log)
-    return in_named_zone(clock, dialect, log) if isinstance(clock, Stamped) else clock
+    if isinstance(clock, Stamped):
+        clock = clock if time.column else in_headed_zone(clock, dialect)
+        return in_named_zone(clock, dialect, log)
+    return clock
 
 
 def _stated(time: TimeSpec, column: str, dialect: Dialect, log: str) -> Clock:

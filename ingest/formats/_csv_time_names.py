@@ -25,6 +25,10 @@ TIME_NAMES = frozenset(_TIMES.split())
 X_NAMES = frozenset(("x", "xaxis", "xachse", "xvalue", "xvalues", "xwert", "xwerte"))
 DATE_WORDS = frozenset(("date", "datetime", "datum", "data", "fecha"))
 ZONE_WORDS = frozenset(("tz", "timezone", "zeitzone"))
+ZONE_IN_NAME = re.compile(
+    r"(?:^|[\s_([])(?P<zone>(?:UTC|GMT)(?: ?[+-]\d{1,2}(?::?\d{2})?)?|[+-]\d{2}:\d{2}|CES?T|MES?Z"
+    r"|[A-Z]\w+/[A-Z]\w+)[)\]]?$"
+)
 _PARTS = (
     "year jahr anno année annee año ano yyyy yy",
     "month monat mese mois mes mm",
@@ -70,6 +74,13 @@ def is_x(name: str, dialect: Dialect, said: str | None = None) -> bool:
 def is_date_name(name: str) -> bool:
     """Whether the name of a column says that it holds a date."""
     return bool(DATE_WORDS.intersection(words(name)))
+
+
+def zone_in_name(name: str) -> str | None:
+    """The zone that the name of a column of stamps ends in: "UTC+1" of `Time (UTC+1)`, "Europe/Berlin", "CET"; None
+    where it ends in none."""
+    found = ZONE_IN_NAME.search(name)
+    return found["zone"].replace(" ", "") if found else None
 
 
 def is_zone_name(name: str) -> bool:

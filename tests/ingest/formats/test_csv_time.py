@@ -278,6 +278,25 @@ def test_a_short_date_in_digits_is_asked_for_in_words_that_work(tmp_path: Path, 
 
 
 @pytest.mark.parametrize(
+    ("names", "at"),
+    [
+        ("Time (UTC+1),T", "2025-12-24 09:00:00"),
+        ("Local time (GMT +01:00),T", "2025-12-24 09:00:00"),
+        ("Zeit [MEZ],T", "24.12.2025 09:00:00"),
+        ("Timestamp (Europe/Rome),T", "2025-12-24T09:00:00"),
+        ("Date (UTC-5),Time (UTC-5),T", "24.12.2025,03:00:00"),
+        ("Time (GMT),T", "2025-12-24 08:00:00"),
+        ("Time (UTC+1),T", "2025-12-24T08:00:00Z"),  # the stamp itself goes before
+    ],
+)
+def test_a_zone_in_the_name_of_a_column_is_that_of_its_stamps(tmp_path: Path, names: str, at: str) -> None:
+    path = table(tmp_path, f"{names}\n{at},20\n{at},21\n{',' * at.count(',')},22\n")
+    log, t_ns, _ = read(path, TimeSpec(zone="Asia/Tokyo"))
+    assert (t_ns, log.absolute) == ([DECEMBER_NS, DECEMBER_NS], True)
+    assert [one.why for one in log.rejected] == ["no time"]
+
+
+@pytest.mark.parametrize(
     "stamp",
     ["Mi 24.12.2025 08:00:00", "Mittwoch, 24.12.2025 08:00:00", "Wed 12/24/2025 08:00:00", "Mer. 2025-12-24 08:00"],
 )
