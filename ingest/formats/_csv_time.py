@@ -64,8 +64,10 @@ from ingest.formats._csv_time_names import (
     base_and_unit,
     digits_of,
     is_date_name,
+    is_like_time,
     is_time_name,
     is_x,
+    unit_in_like,
     unit_of_time,
     words,
 )
@@ -176,7 +178,7 @@ def _found(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
     for column in [*named, *dialect.names]:
         if clock := _of_day(time, column, dialect):
             return clock
-    if clock := _rated(time, dialect) or _first_in_seconds(time, dialect):
+    if clock := _like_time(time, dialect) or _rated(time, dialect) or _first_in_seconds(time, dialect):
         return clock
     texts = [name for name in named if dialect.numeric[dialect.names.index(name)] is False]
     seen = next((cell for name in texts for cell in dialect.said(name)), None)
@@ -201,6 +203,16 @@ def _are_days(time: TimeSpec, column: str, dialect: Dialect) -> bool:
 def _is_rounded(said: Sequence[str]) -> bool:
     """Whether times are all written as powers of ten, and come again as they have too few digits for their size."""
     return len(set(said)) < len(said) and all(POWER_OF_TEN.fullmatch(cell) for cell in said)
+
+
+def _like_time(time: TimeSpec, dialect: Dialect) -> Clock | None:
+    """The clock of the first column of numbers that go on in each row and whose name may be that of a time."""
+    for column in filter(is_like_time, dialect.names):
+        steps = np.diff(dialect.numbers(column)) if dialect.is_number(column) else np.empty(0)
+        if len(steps) and (steps > 0).all():
+            unit = dialect.units.get(column) or unit_in_like(column)
+            return _by_content(time, column, replace(dialect, units=dialect.units | ({column: unit} if unit else {})))
+    return None
 
 
 def _first_in_seconds(time: TimeSpec, dialect: Dialect) -> Clock | None:

@@ -25,6 +25,12 @@ TIME_NAMES = frozenset(_TIMES.split())
 X_NAMES = frozenset(("x", "xaxis", "xachse", "xvalue", "xvalues", "xwert", "xwerte"))
 DATE_WORDS = frozenset(("date", "datetime", "datum", "data", "fecha"))
 ZONE_WORDS = frozenset(("tz", "timezone", "zeitzone"))
+LIKE_TIME = re.compile(
+    r"(?i)time|zeit|\btemps|\btiempo|tijd|elapsed|dauer|duration|\bsec|\bsek|second|sekund|minuten|minutes|hours|stunden"
+    r"|\bt_?rel\b|\bms$"
+)
+PART_OF_TIME = re.compile(r"(?i)step|schritt|cycle|zyklus|\blap|delta|delay|dead|response|constant|rise|fall|settl")
+LIKE_UNITS = {"sekunden": "s", "seconds": "s", "minuten": "min", "minutes": "min", "stunden": "h", "hours": "h"}
 ZONE_IN_NAME = re.compile(
     r"(?:^|[\s_([])(?P<zone>(?:UTC|GMT)(?: ?[+-]\d{1,2}(?::?\d{2})?)?|[+-]\d{2}:\d{2}|CES?T|MES?Z"
     r"|[A-Z]\w+/[A-Z]\w+)[)\]]?$"
@@ -61,6 +67,18 @@ def is_time_name(name: str) -> bool:
     """Whether the name of a column says that it holds the time: `t` does, `T` alone is a temperature."""
     base = base_and_unit(name)[0]
     return base in TIME_NAMES or (base == "t" and name.startswith("t")) or CATMAN_TIME.match(name) is not None
+
+
+def is_like_time(name: str) -> bool:
+    """Whether the name of a column may be that of a time among others: `Messzeit`, `Test time`, `Seconds`; not that of
+    a step in it, or of a delay."""
+    return bool(LIKE_TIME.search(name)) and not PART_OF_TIME.search(name)
+
+
+def unit_in_like(name: str) -> str | None:
+    """The unit that the name of such a column says: "s" of `Seconds`, "h" of `Betriebsstunden` and `Run time (h)`."""
+    last = (words(name) or [""])[-1]
+    return unit_of_time(last) or next((unit for ends, unit in LIKE_UNITS.items() if last.endswith(ends)), None)
 
 
 def is_x(name: str, dialect: Dialect, said: str | None = None) -> bool:

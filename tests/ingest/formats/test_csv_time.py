@@ -278,6 +278,26 @@ def test_a_short_date_in_digits_is_asked_for_in_words_that_work(tmp_path: Path, 
 
 
 @pytest.mark.parametrize(
+    ("name", "unit_s"),
+    [
+        *[("Seconds", 1), ("Sekunden", 1), ("Messzeit", 1), ("Test time", 1), ("Scan Time (s)", 1), ("t_rel", 1)],
+        *[("ms", 1e-3), ("Laufzeit [min]", 60), ("Minuten", 60), ("Betriebsstunden", 3600), ("Run time (h)", 3600)],
+    ],
+)
+def test_a_name_like_that_of_a_time_is_one_where_its_numbers_go_on(tmp_path: Path, name: str, unit_s: float) -> None:
+    path = table(tmp_path, f"T;Step time;{name};n\n20;1;10;5\n21;2;10,5;5\n22;3;12;5\n")
+    log, t_ns, columns = read(path)
+    assert t_ns == [round(count * unit_s * S_NS) for count in (10, 10.5, 12)]
+    assert (log.settings["time_column"], list(columns)) == (name, ["T", "Step time", "n"])
+
+
+@pytest.mark.parametrize("cells", ["10 10 11", "10 11 10"])
+def test_one_that_does_not_go_on_in_each_row_is_none(tmp_path: Path, cells: str) -> None:
+    with pytest.raises(UnreadableLogError, match="no column is recognised as its time"):
+        read(table(tmp_path, "T;Run time (h)\n" + "".join(f"20;{cell}\n" for cell in cells.split())))
+
+
+@pytest.mark.parametrize(
     ("names", "at"),
     [
         ("Time (UTC+1),T", "2025-12-24 09:00:00"),
