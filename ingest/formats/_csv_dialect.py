@@ -79,6 +79,11 @@ class Dialect:
         whole = (row[place].strip() for row in self.rows() if len(row) == len(self.names))
         return (cell for cell in whole if cell not in _csv_numbers.MISSING)
 
+    def shows_decimals(self) -> bool:
+        """Whether a number in the sample has a decimal sign: else nothing tells it as yet."""
+        decimal = self.numerals.decimal
+        return any(decimal in cell and self.numerals.is_number(cell) for row in self.sample for cell in row)
+
     def numbers(self, column: str) -> list[float]:
         """Those of them that are numbers."""
         values = map(self.numerals.value, self.cells_of(column))

@@ -30,6 +30,7 @@ from ingest.formats import SERIES, SHOWN, Log, Rejected, Rows
 from ingest.formats._csv_begun import begun
 from ingest.formats._csv_clocks import Clock
 from ingest.formats._csv_dialect import (
+    BLANKS,
     SAMPLE_ROWS,
     Dialect,
     cells,
@@ -53,6 +54,7 @@ NUMBER_AND_UNIT = re.compile(  # or a sign behind it: 1.5-, 20 ± 0.5
 )
 RUNTIME = ('"$RT_', "$RT_")  # marks of Siemens' operator panels: switched on or off, or how many lines there are
 TYPES_LINE = re.compile(r'"?[fiu][1248]"?(?:[\t;, ]+"?(?:[fiu][1248]|s\d*)"?)*[\t;, ]*\r?')  # as ETAS writes them
+LATE_DECIMAL = rb"[+-]?(?:\d+,(?:\d{1,2}|\d{4,})|0,\d+|\d+,\d+[eE][+-]?\d+)"
 NUMBER_BEGINS = frozenset("0123456789+-.")
 MINUS = "\u2212"  # the sign that typesetters write for it
 ABOVE = 20  # lines above the header that are kept as they stand
@@ -143,6 +145,8 @@ class CsvLog(Log):
         begin = written[len(dialect.lines_above) + dialect.units_row] + 1
         comments = (line for line in lines[:begin] if line[:1] == "#")
         self._heads = frozenset((lines[written[len(dialect.lines_above)]], lines[begin - 1], *comments))
+        if "decimal" not in self.unsaid and not dialect.shows_decimals() and self._has_commas(dialect.delimiter):
+            dialect = replace(dialect, numerals=Numerals(","))
         dialect = replace(dialect, rows=lambda: self._all_rows(begin, dialect.delimiter))
         self._take(dialect, self._dated(recognise_clock(self.time, dialect, self.path.name), dialect))
         if self._clock.columns:
@@ -222,6 +226,13 @@ class CsvLog(Log):
     def _decimals(self, cell: str) -> int:
         """The digits behind the decimal sign of a cell, and that sign."""
         return len("".join(cell.partition(self._dialect.numerals.decimal)[1:]))
+
+    def _has_commas(self, delimiter: str) -> bool:
+        """Whether a cell anywhere in the file is a number with a comma that stands between no thousands: the first rows
+        may all be whole."""
+        ends = re.escape(delimiter.encode()) if delimiter != BLANKS else rb" \t"
+        number = re.compile(rb'(?m)(?:^|[%b])[ "]*(?:%b)[ "]*(?:$|[%b\r])' % (ends, LATE_DECIMAL, ends))
+        return delimiter != "," and any(number.search(block) for block in self._text().blocks())
 
     def _all_rows(self, begin: int, delimiter: str) -> Iterator[list[str]]:
         """Every line of the file from line `begin` on, cell by cell."""

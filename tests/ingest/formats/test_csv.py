@@ -234,6 +234,20 @@ def test_a_delimiter_at_the_end_of_the_names_alone_makes_no_column(tmp_path: Pat
     assert (columns, log.units, list(log.rejected)) == ({"T": [20, 21, 22]}, {"time": "s", "T": "°C"}, [])
 
 
+@pytest.mark.parametrize("delimiter", [";", "\t", "  "])
+@pytest.mark.parametrize("late", ["20,5", "-2,5E+01"])
+def test_decimal_commas_may_come_late(tmp_path: Path, delimiter: str, late: str) -> None:
+    rows = [["Zeit", "T", "n"], *([f"{k}", "20", "0"] for k in range(1000)), ["1000", late, "0"]]
+    log, _, columns = read(table(tmp_path, "".join(delimiter.join(row) + "\n" for row in rows)))
+    assert columns["T"] == [*[20.0] * 1000, float(late.replace(",", "."))]
+    assert (log.settings["decimal"], list(log.rejected)) == (",", [])
+
+
+def test_late_commas_between_thousands_are_no_decimal_ones(tmp_path: Path) -> None:
+    log, _, columns = read(table(tmp_path, "t\tn\n" + "".join(f"{k}\t900\n" for k in range(300)) + "300\t1,200\n"))
+    assert (len(columns["n"]), [one.why for one in log.rejected]) == (300, ['text "1,200" where numbers are'])
+
+
 def test_decimal_commas_between_commas_are_refused_with_what_to_do(tmp_path: Path) -> None:
     path = table(tmp_path, "t,T,n\n0,5,20,5,1\n1,5,21,5,1\n")
     with pytest.raises(UnreadableLogError) as refused:
