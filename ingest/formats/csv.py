@@ -366,9 +366,12 @@ class CsvLog(Log):
             record = record + here
 
     def _no_rows(self, lines: list[str], odd: Sequence[int]) -> list[int]:
-        """Places of comments, and of the header again, which loggers write when they are started anew."""
-        width = len(self._dialect.names)
+        """Places of comments, of the header again, which loggers write when they are started anew, and of delimiters
+        alone, which spreadsheets write below a table; where rows have no time of their own these are rows."""
+        width, none = len(self._dialect.names), f'{self._dialect.delimiter} "\r'
         found = [place for place in odd if lines[place].startswith(RUNTIME) or TYPES_LINE.fullmatch(lines[place])]
+        if self._clock.columns and "delimiter" not in self.unsaid:
+            found += [place for place in odd if lines[place] and not lines[place].strip(none)]
         marked = [place for place in odd if lines[place][:1] == "#"]
         found += [place for place in marked if len(cells(lines[place], self._dialect.delimiter)) != width]
         if any(head in lines for head in self._heads):

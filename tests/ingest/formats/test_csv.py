@@ -234,6 +234,15 @@ def test_a_delimiter_at_the_end_of_the_names_alone_makes_no_column(tmp_path: Pat
     assert (columns, log.units, list(log.rejected)) == ({"T": [20, 21, 22]}, {"time": "s", "T": "°C"}, [])
 
 
+@pytest.mark.parametrize("empty", [";;\n", "; ;\r\n", '"";"";""\n'])
+def test_lines_of_delimiters_alone_are_no_rows(tmp_path: Path, empty: str) -> None:
+    path = table(tmp_path, f"t;T;n\n0;20;5\n{empty}1;21;6\n{empty * 3}")
+    log, t_ns, _ = read(path)
+    assert (len(t_ns), log.found, list(log.rejected), log.settings["lines_of_no_row"]) == (2, 2, [], 4)
+    log, t_ns, columns = read(path, TimeSpec(rate_hz=1.0))  # each counts where rows have no time of their own
+    assert (len(t_ns), columns["T"][2]) == (6, 21)
+
+
 @pytest.mark.parametrize("delimiter", [";", "\t", "  "])
 @pytest.mark.parametrize("late", ["20,5", "-2,5E+01"])
 def test_decimal_commas_may_come_late(tmp_path: Path, delimiter: str, late: str) -> None:
