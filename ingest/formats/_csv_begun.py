@@ -41,19 +41,28 @@ def begun(time: TimeSpec, clock: Clock, dialect: Dialect) -> Begun | None:
         return None
     ((wall, (stamp, line)),) = starts.items()
     start = _ns(time, "UTC" if "utc" in line.casefold() else time.zone, stamp, dialect)
-    first = int(times_of(clock, dialect)[0]) if clock.columns else 0
+    first = int(times_of(clock, dialect)[0]) if clock.columns and dialect.sample else 0
     of_day = wall % DAY_NS
     if start is not None and isinstance(clock, OfDay) and abs(first - of_day) <= CLOSE_NS:
         return Begun(start - of_day, line)
     return Begun(start, line) if start is not None and abs(first) <= CLOSE_NS else None
 
 
+def says_start(line: str, delimiter: str) -> bool:
+    """Whether a line says a start: below rows a logger wrote it that was started anew."""
+    return _matched(line, delimiter) is not None
+
+
+def _matched(line: str, delimiter: str) -> re.Match[str] | None:
+    said = " ".join(cell.strip() for cell in cells(line, delimiter)).strip()
+    return BEGUN.fullmatch(said) if len(said) <= LONGEST else None
+
+
 def _said(dialect: Dialect) -> Iterator[tuple[str, str]]:
     """(stamp, line) of the lines above the header that say a start: of two, the date in one and the time in the other,
     both together."""
-    lines = (" ".join(cell.strip() for cell in cells(line, dialect.delimiter)) for line in dialect.lines_above)
-    matched = [found for line in lines if len(line) <= LONGEST and (found := BEGUN.fullmatch(line.strip()))]
-    said = {found["stamp"]: found[0] for found in matched}
+    matched = (_matched(line, dialect.delimiter) for line in dialect.lines_above)
+    said = {found["stamp"]: found[0] for found in matched if found}
     yield from said.items()
     for day in (one for one in said if re.match(DATE_ALONE, one)):
         for clock in (one for one in said if re.match(CLOCK_ALONE, one) and one != day):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -31,10 +31,15 @@ class Clock(ABC):
     absolute: bool
     columns: tuple[str, ...] = ()  # those that hold it: none, one, or several (date, time of day, milliseconds)
     is_text: bool = False  # their cells are wanted as text
+    origin_ns: int = 0  # what is counted counts from it
 
     @abstractmethod
     def t_ns(self, cells: NDArray[Any], record: Ints) -> tuple[Ints, Flags]:
         """(t_ns, bad) of consecutive rows (N,); bad where their cell, as `cells` gives it, is no time."""
+
+    def counting_from(self, origin_ns: int, record: int) -> Clock:
+        """The clock of a logger that was started anew at `origin_ns`, with that record next."""
+        return replace(self, origin_ns=origin_ns)
 
     def cells(self, columns: Sequence[NDArray[Any]]) -> NDArray[Any]:
         """The cells of `columns` (each (N,)) as one a row (N,)."""
@@ -54,7 +59,9 @@ class Rate(Clock):
     """Rows at a fixed rate: row k is at k / `rate_hz` after the origin."""
 
     rate_hz: float
-    origin_ns: int
+
+    def counting_from(self, origin_ns: int, record: int) -> Clock:
+        return replace(self, origin_ns=origin_ns - round(record * 1e9 / self.rate_hz))
 
     def t_ns(self, cells: NDArray[Any], record: Ints) -> tuple[Ints, Flags]:
         return self.origin_ns + np.rint(record * (1e9 / self.rate_hz)).astype(np.int64), np.zeros(len(record), bool)
@@ -68,7 +75,6 @@ class Counted(Clock):
     unit_ns: float
     parts: float = 1.0  # of a second, of which the last of two columns counts how many are to be added
     zero: float = 0.0
-    origin_ns: int = 0
     step_ns: int = 1
     _wraps: int = field(default=0, init=False)
     _last: float = field(default=np.nan, init=False)
@@ -126,7 +132,6 @@ class OfDay(Clock):
     """Hours, minutes and seconds without a date, from the midnight before the first row. A clock that goes back by more
     than half a turn, which is a day, has begun the next one."""
 
-    origin_ns: int = 0
     either: str = ""  # its first time, where that may be minutes and seconds as well as hours and minutes
     called: ClassVar[str] = "time of day"
     turn_s: ClassVar[float] = DAY_S

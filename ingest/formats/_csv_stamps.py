@@ -37,7 +37,7 @@ DIRECTIVES = {
 }  # fmt: skip
 HALF = rf"(?:{BLANK}?{DIRECTIVES['p']})?"
 CLOCK = rf"(?P<H>\d{{1,2}})[:.](?P<M>\d{{2}})(?:[:.](?P<S>\d{{2}})(?:[.,:](?P<f>\d{{1,9}})\d*)?)?{HALF}"
-GAP = rf"(?:T|,?{BLANK}{{1,3}})"  # between date and time of day
+GAP = rf"(?:[T_-]|,?{BLANK}{{1,3}})"  # between date and time of day
 _SHORT = "mo|di|mi|do|fr|sa|so"
 _DAYS = "mon|tue|wed|thu|fri|sat|sun|die|mit|don|fre|sam|son|lun|mar|mer|gio|ven|sab|dom|jeu|dim|mié|jue|vie|sáb"
 WEEKDAY = rf"(?:(?i:{_SHORT}|(?:{_DAYS}){LETTER}{{0,8}})[.,]{{0,2}} )?"  # by what it begins with, in five languages
@@ -56,6 +56,10 @@ OFFSET = rf"\s?{ZONE}?"
 KNOWN = {says: rf"^{date}{GAP}{CLOCK}{OFFSET}$" for says, date in DATES.items()}
 KNOWN["month day time year"] = rf"^{WEEKDAY}{MONTH} {{1,2}}(?P<d>\d{{1,2}}) {CLOCK} (?:{ZONE} )?(?P<Y>\d{{4}})$"  # of C
 BASIC = r"(?P<Y>\d{4})(?P<m>\d{2})(?P<d>\d{2})[T _-]?(?P<H>\d{2})(?P<M>\d{2})(?P<S>\d{2})(?:[.,](?P<f>\d{1,9})\d*)?"
+KNOWN["ISO 8601 with other signs"] = (  # as names of files and DB2 have it
+    r"^(?P<Y>\d{4})[-_](?P<m>\d{2})[-_](?P<d>\d{2})[-_T ](?P<H>\d{2})[-_.h](?P<M>\d{2})[-_.m](?P<S>\d{2})"
+    r"(?:[-_.](?P<f>\d{1,9})\d*|s)?$"
+)
 KNOWN["ISO 8601 without its signs"] = f"^{BASIC}{OFFSET}$"
 OF_PARTS = rf"^{YEAR} (?P<m>\d{{1,2}}) (?P<d>\d{{1,2}}) (?P<H>\d{{1,2}}) (?P<M>\d{{1,2}})" + (
     r"(?: (?P<S>\d{1,2})(?:[.,](?P<f>\d{1,9})\d*)?)?$"  # cells of several columns

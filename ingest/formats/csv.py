@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import SERIES, SHOWN, Log, Rejected, Rows
-from ingest.formats._csv_begun import begun
+from ingest.formats._csv_begun import begun, says_start
 from ingest.formats._csv_clocks import Clock
 from ingest.formats._csv_dialect import (
     BLANKS,
@@ -144,7 +144,8 @@ class CsvLog(Log):
             )
         begin = written[len(dialect.lines_above) + dialect.units_row] + 1
         comments = (line for line in lines[:begin] if line[:1] == "#")
-        self._heads = frozenset((lines[written[len(dialect.lines_above)]], lines[begin - 1], *comments))
+        heads = (lines[written[len(dialect.lines_above)]], lines[begin - 1], *dialect.lines_above, *comments)
+        self._heads = frozenset(heads)
         if "decimal" not in self.unsaid and not dialect.shows_decimals() and self._has_commas(dialect.delimiter):
             dialect = replace(dialect, numerals=Numerals(","))
         dialect = replace(dialect, rows=lambda: self._all_rows(begin, dialect.delimiter))
@@ -252,16 +253,22 @@ class CsvLog(Log):
             self._lines += end
             lines = lines[end:]
             if lines:
-                begin = self._begin_another(lines)
+                begin = self._begin_again(lines) if self._says_start(lines[0]) else self._begin_another(lines)
                 self._lines += begin
                 lines = lines[begin:]
 
     def _end(self, lines: Sequence[str], odd: Sequence[int]) -> int:
         """Where the table ends, by its lines: where one of the `odd` ones is the header of another."""
         for place in odd if self._long is None else ():
+            if self._says_start(lines[place]):
+                return place
             if self._has_other_units(lines, place) if lines[place] in self._heads else self._is_header(lines, place):
                 return place
         return len(lines)
+
+    def _says_start(self, line: str) -> bool:
+        """Whether a logger whose rows count from a start wrote another one."""
+        return "begun" in self.settings and says_start(line, self._dialect.delimiter)
 
     def _is_header(self, lines: Sequence[str], place: int) -> bool:
         return is_header(lines[place : place + BELOW], self._dialect.delimiter)
@@ -278,6 +285,21 @@ class CsvLog(Log):
         before = self._known.get(name, (unit, text))
         same = before[1] == text and (unit is None or before[0] in (None, unit))
         return name if same else self._new_name(f"{name}_{len(self._columns) + 1}", unit, text)
+
+    def _begin_again(self, lines: Sequence[str]) -> int:
+        """Let the rows to come count from the start that their logger wrote above them as it was started anew; the
+        number of lines before the first of them."""
+        first = next((place for place, line in enumerate(lines) if line[:1] in NUMBER_BEGINS), len(lines))
+        row = [cell.strip() for line in lines[first : first + 1] for cell in cells(line, self._dialect.delimiter)]
+        sample = (tuple(row),) if len(row) == len(self._dialect.names) else ()
+        dialect = replace(self._dialect, lines_above=tuple(lines[:first]), sample=sample)
+        if start := begun(self.time, self._clock.counting_from(0, 0), dialect):
+            self._series = [
+                replace(one, clock=one.clock.counting_from(start.start_ns, self.found)) for one in self._series
+            ]
+            self._clock = self._series[0].clock
+        self._left += first
+        return first
 
     def _begin_another(self, lines: Sequence[str]) -> int:
         """Recognise another table below the first, whose columns join those of the first where they have its name; the

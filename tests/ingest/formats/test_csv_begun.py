@@ -64,6 +64,21 @@ def test_a_start_that_may_be_another_dates_nothing(tmp_path: Path, above: str, r
     assert not log.absolute and "begun" not in log.settings
 
 
+@pytest.mark.parametrize(
+    ("head", "row"),
+    [("t [s],T", "{0},20"), ("Sample rate: 1 Hz\nT,n", "20,{0}"), ("Time,T", "0{1}:00:0{0},20")],
+)
+def test_a_logger_that_was_started_anew_counts_from_its_new_start(tmp_path: Path, head: str, row: str) -> None:
+    text = ""
+    for day, hour in ((24, 8), (25, 9)):
+        rows = [row.format(second, hour) for second in range(8)]
+        text += "\n".join(["Logger 7", f"Start: {day}.12.2025 0{hour}:00:00", head, *rows, ""])
+    log, t_ns, _ = read(table(tmp_path, text))
+    begins_ns = (DECEMBER_NS, DECEMBER_NS + 25 * 3600 * S_NS)
+    assert t_ns == [begin_ns + second * S_NS for begin_ns in begins_ns for second in range(8)]
+    assert (log.found, list(log.rejected), log.settings["backward_steps"]) == (16, [], 0)
+
+
 def test_what_the_bench_file_says_of_the_start_goes_before(tmp_path: Path) -> None:
     path = table(tmp_path, "Start: 24.12.2025 08:00:00\n" + COUNTED)
     assert read(path, TimeSpec(start_ns=S_NS))[1][0] == S_NS + S_NS // 2

@@ -318,6 +318,18 @@ def test_a_zone_in_the_name_of_a_column_is_that_of_its_stamps(tmp_path: Path, na
 
 @pytest.mark.parametrize(
     "stamp",
+    [
+        *("2025-12-24-08.00.00.000000", "2025-12-24 08-00-00", "2025_12_24_08_00_00", "2025-12-24_08:00:00"),
+        *("24.12.2025-08:00:00", "24.12.2025_08:00:00,000", "2025/12/24-08:00:00", "2025-12-24T08-00-00.000"),
+    ],
+)
+def test_other_signs_between_date_and_time_are_known(tmp_path: Path, stamp: str) -> None:
+    log, t_ns, _ = read(table(tmp_path, f"Time\tT\n{stamp}\t20\n"))
+    assert (t_ns, log.absolute) == ([DECEMBER_NS], True)
+
+
+@pytest.mark.parametrize(
+    "stamp",
     ["Mi 24.12.2025 08:00:00", "Mittwoch, 24.12.2025 08:00:00", "Wed 12/24/2025 08:00:00", "Mer. 2025-12-24 08:00"],
 )
 def test_a_day_of_the_week_may_stand_before_a_date(tmp_path: Path, stamp: str) -> None:

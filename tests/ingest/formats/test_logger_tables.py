@@ -319,7 +319,7 @@ def test_each_column_of_times_stamps_those_behind_it(tmp_path: Path) -> None:
     """A row is a record of each rate that it holds; a slow rate that has ended leaves its cells empty."""
     path = tmp_path / "log.csv"
     head = "Time  1 - fast [s];T;Time  2 - slow [s];n;M\n"
-    path.write_text(head + "0,0;20;0;5;1\n0,1;21;10;6;2\n0,2;22;;;\n;;;;\n0,3;23;x;7;3\n")
+    path.write_text(head + "0,0;20;0;5;1\n0,1;21;10;6;2\n0,2;22;;;\n;9;;;\n0,3;23;x;7;3\n")
     log, t_ns, columns = read(path)
     assert columns == {"T": [20, 21, 22], "n": [5, 6], "M": [1, 2]}
     assert sorted(t_ns) == [0, 0, TENTH, 2 * TENTH, 10 * S_NS]
