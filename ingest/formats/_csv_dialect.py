@@ -151,7 +151,7 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
     numerals = _csv_numbers.recognise((cell for row in fitting for cell in row), delimiter)
     units = _units_of_settings(lines[:above], names, delimiter) | _units_above(lines[:above], names, delimiter)
     has_units = _is_units_row(fitting, numerals)
-    units |= {name: match[1] for name, text in zip(names, header, strict=True) if (match := UNIT_IN_NAME.search(text))}
+    units |= {name: unit for name, text in zip(names, header, strict=True) if (unit := _unit_in(text))}
     if has_units:
         units |= {name: _bare(cell) for name, cell in zip(names, fitting[0], strict=True) if cell}
         fitting = fitting[1:]
@@ -169,6 +169,16 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
         tuple(lines[:above]),
         in_cells,
     )
+
+
+def _unit_in(name: str) -> str | None:
+    """The unit in brackets at the end of a name: "degC" of `T [degC]`, and "°C" of `T (°C) [TC01]`, where another thing
+    stands there."""
+    found = UNIT_IN_NAME.search(name)
+    if found is None:
+        return None
+    inner = (one for one in re.findall(r"\(([^()]+)\)", name) if normal_unit(one) is not None)
+    return next(inner, found[1]) if normal_unit(found[1]) is None else found[1]
 
 
 def _merged(header: list[str], over: Sequence[str], delimiter: str) -> list[str]:

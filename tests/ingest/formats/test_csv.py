@@ -234,6 +234,16 @@ def test_a_delimiter_at_the_end_of_the_names_alone_makes_no_column(tmp_path: Pat
     assert (columns, log.units, list(log.rejected)) == ({"T": [20, 21, 22]}, {"time": "s", "T": "°C"}, [])
 
 
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [("T (°C) [TC01]", "°C"), ("T [TC01]", "TC01"), ("T (hot) [K]", "K"), ("n (rpm) [1/min]", "1/min")],
+)
+def test_brackets_at_the_end_of_a_name_hold_its_unit_unless_it_stands_before(
+    tmp_path: Path, name: str, unit: str
+) -> None:
+    assert read(table(tmp_path, f"t,{name}\n0,20\n1,21\n"))[0].units == {name: unit}
+
+
 @pytest.mark.parametrize("empty", [";;\n", "; ;\r\n", '"";"";""\n'])
 def test_lines_of_delimiters_alone_are_no_rows(tmp_path: Path, empty: str) -> None:
     path = table(tmp_path, f"t;T;n\n0;20;5\n{empty}1;21;6\n{empty * 3}")
