@@ -190,10 +190,13 @@ def _merged(header: list[str], over: Sequence[str], delimiter: str) -> list[str]
 
 
 def _units_above(lines: Sequence[str], names: Sequence[str], delimiter: str) -> dict[str, str]:
-    """The units that a line above the names says, where it is headed so and has as many cells."""
+    """The units that a line above the names says, where it has as many cells and is headed so, or holds units alone."""
     rows = ([cell.strip() for cell in cells(line, delimiter)] for line in lines)
-    said = (row for row in rows if len(row) == len(names) and _heads_units(row))
-    return {name: _bare(cell) for name, cell in zip(names[1:], next(said, [""])[1:], strict=False) if cell}
+    fitting = [row for row in rows if len(row) == len(names)]
+    if fitting and _are_units_alone(fitting[-1]):
+        return {name: _bare(cell) for name, cell in zip(names, fitting[-1], strict=True) if cell}
+    said = next(filter(_heads_units, fitting), [""])
+    return {name: _bare(cell) for name, cell in zip(names[1:], said[1:], strict=False) if cell}
 
 
 def _units_of_settings(lines: Sequence[str], names: Sequence[str], delimiter: str) -> dict[str, str]:
@@ -256,6 +259,8 @@ def _above_header(lines: Sequence[str], delimiter: str) -> int:
     units = next((place for place in together[1:] if _is_units(of_values[place])), None)
     if units is not None:
         return units - 1
+    if len(together) > 1 and _are_units_alone(of_values[together[-2]]) and not _is_units(of_values[together[-1]]):
+        return together[-1]
     two = len(together) > 1 and any(NAME_AND_UNIT.search(cell) for cell in table[together[-1]])
     return 0 if not together or (together[0] == 0 and not two) else together[-1]
 
@@ -281,6 +286,12 @@ def _is_units(row: Sequence[str]) -> bool:
     said = [cell for cell in row if cell]
     units = [cell for cell in said if _bare(cell) != cell or normal_unit(cell) is not None]
     return 2 * len(units) >= len(said) > 0
+
+
+def _are_units_alone(row: Sequence[str]) -> bool:
+    """Whether cells are units, all that are not empty, though none heads them as such: above the names."""
+    said = [cell for cell in row if cell]
+    return bool(said) and all(normal_unit(_bare(cell)) is not None for cell in said)
 
 
 def _open_end(row: Sequence[str], header: Sequence[str]) -> bool:

@@ -244,6 +244,14 @@ def test_brackets_at_the_end_of_a_name_hold_its_unit_unless_it_stands_before(
     assert read(table(tmp_path, f"t,{name}\n0,20\n1,21\n"))[0].units == {name: unit}
 
 
+@pytest.mark.parametrize("above", ["", "Bench 3\n"])
+@pytest.mark.parametrize("units", ["s;°C;1/min", "[s];[°C];[1/min]", ";°C;1/min"])
+def test_units_may_stand_above_the_names(tmp_path: Path, above: str, units: str) -> None:
+    log, t_ns, columns = read(table(tmp_path, f"{above}{units}\nTime;T_wdg;Speed\n0;20;5\n1;21;6\n"))
+    assert (t_ns, columns) == ([0, S_NS], {"T_wdg": [20, 21], "Speed": [5, 6]})
+    assert {name: log.units[name] for name in columns} == {"T_wdg": "°C", "Speed": "1/min"}
+
+
 @pytest.mark.parametrize("empty", [";;\n", "; ;\r\n", '"";"";""\n'])
 def test_lines_of_delimiters_alone_are_no_rows(tmp_path: Path, empty: str) -> None:
     path = table(tmp_path, f"t;T;n\n0;20;5\n{empty}1;21;6\n{empty * 3}")
