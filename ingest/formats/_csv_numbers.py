@@ -60,6 +60,7 @@ MISSING = frozenset(
         *("-" * before + "." + "-" * behind for before in range(1, 5) for behind in range(1, 5)),
     )
 )
+BEYOND = re.compile(r"[<>]=? ?[+-]?[0-9][0-9.,]*")  # >1300, out of the range of a meter
 NO_READING = 9.9e37  # from here on no reading: 9.9E37 and 9.91E37 of SCPI-1999 (volume 1, 7.2.1), 9999E+99 of others
 ABSENT = (-9999.0, -99999.0)  # as loggers write that there is no reading, where nothing else is that low
 LOWEST = -1000.0  # of what else a column holds, for that
@@ -81,9 +82,10 @@ class Numerals:
     group: str = ""
 
     def value(self, cell: str) -> float | None:
-        """The number in `cell`; NaN where it is a sign for "missing", None where it is text or too large."""
+        """The number in `cell`; NaN where it is a sign for "missing", or says that it is beyond a range; None where it
+        is text or too large."""
         cell = cell.strip()
-        if cell in MISSING:
+        if cell in MISSING or BEYOND.fullmatch(cell):
             return float("nan")
         if self._plain.fullmatch(cell):
             found = float(cell.replace(self.decimal, "."))

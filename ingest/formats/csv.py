@@ -55,6 +55,12 @@ NUMBER_AND_UNIT = re.compile(  # or a sign behind it: 1.5-, 20 ± 0.5
 RUNTIME = ('"$RT_', "$RT_")  # marks of Siemens' operator panels: switched on or off, or how many lines there are
 TYPES_LINE = re.compile(r'"?[fiu][1248]"?(?:[\t;, ]+"?(?:[fiu][1248]|s\d*)"?)*[\t;, ]*\r?')  # as ETAS writes them
 LATE_DECIMAL = rb"[+-]?(?:\d+,(?:\d{1,2}|\d{4,})|0,\d+|\d+,\d+[eE][+-]?\d+)"
+_STATISTICS = (  # what lines below a table are called that tell of its columns, in five languages
+    "min;minimum;minimo;max;maximum;massimo;mean;average;avg;mittel;mittelwert;durchschnitt;media;moyenne;promedio;median;"
+    "std;stddev;std dev;standard deviation;standardabweichung;sigma;variance;varianz;sum;summe;somma;somme;suma;total;"
+    "totale;count;anzahl;range;rms;peak to peak"
+)
+STATISTICS = frozenset(_STATISTICS.split(";"))
 NUMBER_BEGINS = frozenset("0123456789+-.")
 MINUS = "\u2212"  # the sign that typesetters write for it
 ABOVE = 20  # lines above the header that are kept as they stand
@@ -388,17 +394,25 @@ class CsvLog(Log):
             record = record + here
 
     def _no_rows(self, lines: list[str], odd: Sequence[int]) -> list[int]:
-        """Places of comments, of the header again, which loggers write when they are started anew, and of delimiters
-        alone, which spreadsheets write below a table; where rows have no time of their own these are rows."""
+        """Places of comments, of statistics, of the header again, which loggers write when they are started anew, and
+        of delimiters alone, which spreadsheets write below a table; where rows have no time of their own these are
+        rows."""
         width, none = len(self._dialect.names), f'{self._dialect.delimiter} "\r'
         found = [place for place in odd if lines[place].startswith(RUNTIME) or TYPES_LINE.fullmatch(lines[place])]
         if self._clock.columns and "delimiter" not in self.unsaid:
             found += [place for place in odd if lines[place] and not lines[place].strip(none)]
+        if self._numeric[0] or self._dialect.names[0] in self._clock.columns:
+            found += [place for place in odd if self._is_of_columns(lines[place])]
         marked = [place for place in odd if lines[place][:1] == "#"]
         found += [place for place in marked if len(cells(lines[place], self._dialect.delimiter)) != width]
         if any(head in lines for head in self._heads):
             found += [place for place, line in enumerate(lines) if line in self._heads]
         return found
+
+    def _is_of_columns(self, line: str) -> bool:
+        """Whether a line below a table tells of its columns, as `Mean;55.1;1475` does."""
+        first = cells(line, self._dialect.delimiter)[:1]
+        return bool(first) and first[0].strip(" :.").casefold() in STATISTICS
 
     def _place_of(self, line: NDArray[np.int64], i: int) -> str:
         """Where the i-th of some lines (N,) of the lines to come stands in the file."""

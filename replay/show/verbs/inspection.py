@@ -102,7 +102,9 @@ def _file_lines(one: InspectedFile) -> list[str]:
     if begun := reading.settings.get("begun"):
         lines.append(f'  its times count from what stands above it: "{begun}"')
     if count := reading.settings.get("lines_of_no_row"):
-        lines.append(f"  {counted(count, 'line')} below its header: comments, empty ones, or the header again")
+        lines.append(
+            f"  {counted(count, 'line')} below its header: comments, empty ones, statistics, or the header again"
+        )
     if reading.settings.get("counter_wraps"):
         lines.append("  its counter of 32 bits began anew, and is read on")
     if "rows a second, as" in str(reading.settings.get("time")):
