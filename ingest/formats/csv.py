@@ -41,6 +41,7 @@ from ingest.formats._csv_dialect import (
 )
 from ingest.formats._csv_labels import labels_aside
 from ingest.formats._csv_lines import LineReader, Lines
+from ingest.formats._csv_no_rows import is_row, no_rows
 from ingest.formats._csv_numbers import MISSING, OTHER, Numerals
 from ingest.formats._csv_series import TimedColumns, series_of
 from ingest.formats._csv_stamp_columns import times_of
@@ -52,15 +53,7 @@ from ingest.formats._text import TextFile, decoded, place_of
 NUMBER_AND_UNIT = re.compile(  # or a sign behind it: 1.5-, 20 ± 0.5
     r"[+-]?\d[\d.,]* ?[^\W\d]{1,4}|[+-]?\d[\d.,]* [^\s\d]{1,6}|[+-]?\d[\d.,]*(?:[-*°%]| ?± ?[\d.,]+)"
 )
-RUNTIME = ('"$RT_', "$RT_")  # marks of Siemens' operator panels: switched on or off, or how many lines there are
-TYPES_LINE = re.compile(r'"?[fiu][1248]"?(?:[\t;, ]+"?(?:[fiu][1248]|s\d*)"?)*[\t;, ]*\r?')  # as ETAS writes them
 LATE_DECIMAL = rb"[+-]?(?:\d+,(?:\d{1,2}|\d{4,})|0,\d+|\d+,\d+[eE][+-]?\d+)"
-_STATISTICS = (  # what lines below a table are called that tell of its columns, in five languages
-    "min;minimum;minimo;max;maximum;massimo;mean;average;avg;mittel;mittelwert;durchschnitt;media;moyenne;promedio;median;"
-    "std;stddev;std dev;standard deviation;standardabweichung;sigma;variance;varianz;sum;summe;somma;somme;suma;total;"
-    "totale;count;anzahl;range;rms;peak to peak"
-)
-STATISTICS = frozenset(_STATISTICS.split(";"))
 NUMBER_BEGINS = frozenset("0123456789+-.")
 MINUS = "\u2212"  # the sign that typesetters write for it
 ABOVE = 20  # lines above the header that are kept as they stand
@@ -136,7 +129,7 @@ class CsvLog(Log):
         """Recognise the table from its first lines; the number of lines before its first row."""
         above = self.time.skip_rows
         shown = lines[above : above + 2 * SAMPLE_ROWS]
-        written = [place for place, line in enumerate(shown, above) if _is_row(line)]
+        written = [place for place, line in enumerate(shown, above) if is_row(line)]
         if above and not written:
             raise UnreadableLogError(
                 f"{self.path.name}: has no line below the {above:,} that skip_rows under [time] of the bench file "
@@ -311,7 +304,7 @@ class CsvLog(Log):
         """Recognise another table below the first, whose columns join those of the first where they have its name; the
         number of lines before its first row. Raises UnreadableLogError."""
         where, first = f"{self.line} {self._lines + 1:,}", self._clock.absolute
-        written = [place for place, line in enumerate(lines[: 2 * SAMPLE_ROWS]) if _is_row(line)]
+        written = [place for place, line in enumerate(lines[: 2 * SAMPLE_ROWS]) if is_row(line)]
         try:
             dialect = recognise_dialect(first_table([lines[place] for place in written]), self.path.name)
             dialect = replace(dialect, rows=lambda: [cells(line, dialect.delimiter) for line in lines])
@@ -333,11 +326,13 @@ class CsvLog(Log):
         """The rows of consecutive lines of one table; `odd`: places of those that do not begin with a number. `cut`:
         the last line is not whole."""
         written = np.array([line.strip(" \r") != "" for line in lines], bool)
-        no_rows = self._no_rows(lines, odd)
-        written[no_rows] = False
-        self._left += len(no_rows)
+        text_first = not (self._numeric[0] or self._dialect.names[0] in self._clock.columns)
+        empty = bool(self._clock.columns) and "delimiter" not in self.unsaid  # without times each counts as one
+        left = no_rows(lines, odd, self._dialect, self._heads, empty=empty, text_first=text_first)
+        written[left] = False
+        self._left += len(left)
         bad: dict[int, tuple[str, str]] = {}
-        if cut and lines and _is_row(lines[-1]):
+        if cut and lines and is_row(lines[-1]):
             bad[len(lines) - 1] = ("", "the file ends inside it")
         reader = LineReader(self._dialect, self._numeric, self.no_row)
         part = reader.read(lines, [place for place in np.flatnonzero(written).tolist() if place not in bad], bad)
@@ -393,27 +388,6 @@ class CsvLog(Log):
                 yield rows
             record = record + here
 
-    def _no_rows(self, lines: list[str], odd: Sequence[int]) -> list[int]:
-        """Places of comments, of statistics, of the header again, which loggers write when they are started anew, and
-        of delimiters alone, which spreadsheets write below a table; where rows have no time of their own these are
-        rows."""
-        width, none = len(self._dialect.names), f'{self._dialect.delimiter} "\r'
-        found = [place for place in odd if lines[place].startswith(RUNTIME) or TYPES_LINE.fullmatch(lines[place])]
-        if self._clock.columns and "delimiter" not in self.unsaid:
-            found += [place for place in odd if lines[place] and not lines[place].strip(none)]
-        if self._numeric[0] or self._dialect.names[0] in self._clock.columns:
-            found += [place for place in odd if self._is_of_columns(lines[place])]
-        marked = [place for place in odd if lines[place][:1] == "#"]
-        found += [place for place in marked if len(cells(lines[place], self._dialect.delimiter)) != width]
-        if any(head in lines for head in self._heads):
-            found += [place for place, line in enumerate(lines) if line in self._heads]
-        return found
-
-    def _is_of_columns(self, line: str) -> bool:
-        """Whether a line below a table tells of its columns, as `Mean;55.1;1475` does."""
-        first = cells(line, self._dialect.delimiter)[:1]
-        return bool(first) and first[0].strip(" :.").casefold() in STATISTICS
-
     def _place_of(self, line: NDArray[np.int64], i: int) -> str:
         """Where the i-th of some lines (N,) of the lines to come stands in the file."""
         return self._place(self._lines + int(line[i]) + 1)
@@ -454,17 +428,12 @@ def no_table(path: Path) -> str | None:
     block = next(TextFile(path).blocks(), b"")
     text = block.decode("utf-8-sig", errors="replace").replace("\r\n", "\n").lstrip("\0")
     lines = _with_header(text.split("\n"))
-    return no_table_of([line for line in lines if _is_row(line)][: 2 * SAMPLE_ROWS], path.name)
+    return no_table_of([line for line in lines if is_row(line)][: 2 * SAMPLE_ROWS], path.name)
 
 
 def _with_header(lines: list[str]) -> list[str]:
     """The first lines of a file with a header in one line."""
     return labels_aside(header_in_one_line(lines))
-
-
-def _is_row(line: str) -> bool:
-    """Whether a line is a row: a blank one is not, nor one of types; one of tabs alone is a row of empty cells."""
-    return line.strip(" \r") != "" and not TYPES_LINE.fullmatch(line)
 
 
 def _before_a_header(lines: Sequence[str], begin: int) -> int:
