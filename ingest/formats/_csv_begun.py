@@ -19,7 +19,7 @@ _OF = (  # what was begun
     r"|aufzeichnungs?|versuchs?|prüf(?:ung|ungs)?|misura|prova|acquisizione|mesure|essai)[ _-]*)"
 )
 _WHEN = r"(?:(?:time|date|zeit|datum|zeitpunkt|at|on|am|um|data|ora|heure|utc|local)[ _&/()-]*)"
-_START = r"(?:t0|start(?:ed)?|gestartet|beg[iu]nn?|inizio|d[ée]but)"
+_START = r"(?:t0|trigger|start(?:ed)?|gestartet|beg[iu]nn?|inizio|d[ée]but)"
 BEGUN = re.compile(rf"(?i)\W*{_WHEN}*{_OF}?{_START}[ _(-]*{_OF}*{_WHEN}*[\s:=;,]+(?P<stamp>.*\d.*)")
 LONGEST = 200  # characters of such a line
 CLOSE_NS = 60 * SECOND_NS  # from the start to the first row, at most

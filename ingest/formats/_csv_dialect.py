@@ -177,7 +177,8 @@ def _unit_in(name: str) -> str | None:
     found = UNIT_IN_NAME.search(name)
     if found is None:
         return None
-    inner = (one for one in re.findall(r"\(([^()]+)\)", name) if normal_unit(one) is not None)
+    before = re.findall(r"\(([^()]+)\)", name[: found.start()])
+    inner = (one for one in before if normal_unit(one) is not None)
     return next(inner, found[1]) if normal_unit(found[1]) is None else found[1]
 
 
@@ -250,7 +251,8 @@ def _above_header(lines: Sequence[str], delimiter: str) -> int:
     columns = zip(*(row[:usual] for row in below), strict=True)
     valued = [i for i, column in enumerate(columns) if _holds_values(column)]
     of_values = {place: [table[place][i] for i in valued] for place in fitting}
-    first = next((place for place in fitting if _is_data(of_values[place])), 0)
+    numbered = fitting[:1] == [0] and _numbers_columns(table[0])
+    first = next((place for place in fitting[numbered:] if _is_data(of_values[place])), 0)
     above = [place for place in fitting if place < first and not any(map(is_value, table[place]))]
     above = [place for place in above if not _heads_units(table[place])]
     names = [place for place in above if 2 * sum(map(bool, of_values[place])) > len(valued)]
@@ -263,6 +265,13 @@ def _above_header(lines: Sequence[str], delimiter: str) -> int:
         return together[-1]
     two = len(together) > 1 and any(NAME_AND_UNIT.search(cell) for cell in table[together[-1]])
     return 0 if not together or (together[0] == 0 and not two) else together[-1]
+
+
+def _numbers_columns(row: Sequence[str]) -> bool:
+    """Whether cells count the columns, as above their names: 1, 2, 3."""
+    said = [cell for cell in row if cell]
+    begin = int(said[:1] != ["0"])
+    return len(said) > 1 and said == [str(begin + place) for place in range(len(said))]
 
 
 def _holds_values(column: Sequence[str]) -> bool:

@@ -236,12 +236,26 @@ def test_a_delimiter_at_the_end_of_the_names_alone_makes_no_column(tmp_path: Pat
 
 @pytest.mark.parametrize(
     ("name", "unit"),
-    [("T (°C) [TC01]", "°C"), ("T [TC01]", "TC01"), ("T (hot) [K]", "K"), ("n (rpm) [1/min]", "1/min")],
+    [
+        ("T (°C) [TC01]", "°C"),
+        ("T [TC01]", "TC01"),
+        ("T (hot) [K]", "K"),
+        ("n (rpm) [1/min]", "1/min"),
+        ("p [bar(a)]", "bar(a)"),
+    ],
 )
 def test_brackets_at_the_end_of_a_name_hold_its_unit_unless_it_stands_before(
     tmp_path: Path, name: str, unit: str
 ) -> None:
     assert read(table(tmp_path, f"t,{name}\n0,20\n1,21\n"))[0].units == {name: unit}
+
+
+@pytest.mark.parametrize("numbers", ["1;2;3", "0;1;2", ";1;2"])
+@pytest.mark.parametrize("units", ["", "s;°C;1/min\n"])
+def test_the_names_may_stand_below_the_numbers_of_the_columns(tmp_path: Path, numbers: str, units: str) -> None:
+    log, t_ns, columns = read(table(tmp_path, f"{numbers}\nTime;T_wdg;Speed\n{units}0;20;5\n1;21;6\n"))
+    assert (t_ns, columns) == ([0, S_NS], {"T_wdg": [20, 21], "Speed": [5, 6]})
+    assert log.units == ({"Time": "s", "T_wdg": "°C", "Speed": "1/min"} if units else {})
 
 
 @pytest.mark.parametrize("above", ["", "Bench 3\n"])

@@ -24,6 +24,7 @@ RATED = "Sample rate: 1 Hz\nT,n\n20,5\n21,6\n"
         "Messbeginn;24.12.2025 08:00:00",
         "Messung gestartet am: Mi 24.12.2025 08:00",
         "T0 = 24.12.2025 08:00:00",
+        '"Trigger Time","\'25-12-24 08:00:00.000"',
         "Start Date: 24.12.2025\nStart Time: 08:00:00",
         "Inizio prova: 24/12/2025 08:00:00\nFine prova: 24/12/2025 10:00:00",
         "Test: 7\nStart of measurement: Wed Dec 24 08:00:00 2025\nStart channel: 3",
