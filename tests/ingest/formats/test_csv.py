@@ -266,29 +266,10 @@ def test_units_may_stand_above_the_names(tmp_path: Path, above: str, units: str)
     assert {name: log.units[name] for name in columns} == {"T_wdg": "°C", "Speed": "1/min"}
 
 
-def test_statistics_below_a_table_are_no_rows(tmp_path: Path) -> None:
-    rows = "".join(f"{k};20,5;5\n" for k in range(8))
-    below = "Mittelwert;20,5;5\nMax:;21;6\nStd. Dev.;0;0\nStd Dev;0,5;0,5\nEnde;;\n"
-    log, _, columns = read(table(tmp_path, f"Zeit;T;n\n{rows}{below}"))
-    assert (columns["T"], log.found, log.settings["lines_of_no_row"]) == ([20.5] * 8, 10, 3)
-    assert [one.where for one in log.rejected] == ["line 12, column Zeit", "line 14, column Zeit"]
-    rows = "mode,t,T\nidle,0,20\nmax,1,21\nidle,2,22\n"  # where texts stand first they are what they are
-    assert read(table(tmp_path, rows))[2]["mode"] == ["idle", "max", "idle"]
-
-
 @pytest.mark.parametrize("cell", [">1300", "> 1300,5", "<-200", ">= 850"])
 def test_a_number_that_is_only_a_bound_is_missing(tmp_path: Path, cell: str) -> None:
     log, _, columns = read(table(tmp_path, f"t;T;n\n0;20,5;5\n1;{cell};6\n2;21,5;7\n"))
     assert (same(columns["T"], [20.5, np.nan, 21.5]), columns["n"], list(log.rejected)) == (True, [5, 6, 7], [])
-
-
-@pytest.mark.parametrize("empty", [";;\n", "; ;\r\n", '"";"";""\n'])
-def test_lines_of_delimiters_alone_are_no_rows(tmp_path: Path, empty: str) -> None:
-    path = table(tmp_path, f"t;T;n\n0;20;5\n{empty}1;21;6\n{empty * 3}")
-    log, t_ns, _ = read(path)
-    assert (len(t_ns), log.found, list(log.rejected), log.settings["lines_of_no_row"]) == (2, 2, [], 4)
-    log, t_ns, columns = read(path, TimeSpec(rate_hz=1.0))  # each counts where rows have no time of their own
-    assert (len(t_ns), columns["T"][2]) == (6, 21)
 
 
 @pytest.mark.parametrize("delimiter", [";", "\t", "  "])
