@@ -336,6 +336,17 @@ def test_columns_of_times_may_be_numbered(tmp_path: Path) -> None:
     assert read(path)[1] == [AT_NS + k * S_NS for k in (0, 1, 2, 3, 0, 2, 4, 6)]
 
 
+@pytest.mark.parametrize(("second", "series"), [((0, 2, 4, 6), True), ((5, 4, 6, 4), False)])
+def test_numbered_times_may_say_their_unit_and_go_on_as_times_do(
+    tmp_path: Path, second: tuple[int, ...], series: bool
+) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("t1 [s];T;t2 [s];n\n" + "".join(f"{k};20;{other};5\n" for k, other in enumerate(second)))
+    log, t_ns, _ = read(path)
+    assert t_ns == [k * S_NS for k in (*range(4), *(second if series else ()))]
+    assert ("series" in log.settings) == series
+
+
 def _stamp(second: int) -> str:
     return f"14.03.2025 08:00:0{second}"
 
