@@ -67,7 +67,8 @@ LOWEST = -1000.0  # of what else a column holds, for that
 BLANKS = " \u00a0\u202f"  # that stand between thousands: plain, no-break, narrow no-break
 APOSTROPHES = "'’"
 OTHER = {".": ",", ",": "."}
-QUOTED_DECIMAL = re.compile(r"[+-]?[0-9]+,(?:[0-9]{1,2}|[0-9]{4,})|[+-]?0,[0-9]+")
+# numbers whose sign stands between no thousands
+SURE = {sign: re.compile(rf"[+-]?(?:\d+[{sign}](?:\d{{1,2}}|\d{{4,}})|(?:0|\d{{4,}})[{sign}]\d+)") for sign in ",."}
 EXPONENT = r"(?:[eE][+-]?[0-9]+)?"
 
 
@@ -164,11 +165,15 @@ class Numerals:
 
 
 def recognise(cells: Iterable[str], delimiter: str) -> Numerals:
-    """From the cells of the first rows. Where commas stand between the columns, the decimal sign is the point, unless
-    cells in quotes hold commas that stand between no thousands."""
+    """From the cells of the first rows: the sign that surely parts decimals in some, where the other does in none; else
+    the one of more cells. Where commas stand between the columns, the decimal sign is the point, unless cells in quotes
+    hold commas that stand between no thousands."""
     found = list(cells)
     point, comma = Numerals("."), Numerals(",")
-    if delimiter != "," or any(QUOTED_DECIMAL.fullmatch(cell) for cell in found):
+    plain = {sign: any(map(number.fullmatch, found)) for sign, number in SURE.items()}
+    if delimiter != "," or plain[","]:
+        sure_comma = plain[","] or any(comma.shows_groups(cell) == "." for cell in found)
+        sure_point = plain["."] or any(point.shows_groups(cell) == "," for cell in found)
         commas, points = (
             sum(
                 numerals.shows_groups(cell) is not None or (numerals.decimal in cell and numerals.is_number(cell))
@@ -176,7 +181,7 @@ def recognise(cells: Iterable[str], delimiter: str) -> Numerals:
             )
             for numerals in (comma, point)
         )
-        if commas and commas >= points:
+        if commas and (commas >= points if sure_comma == sure_point else sure_comma):
             point = comma
     groups = (point.shows_groups(cell) for cell in found)
     return Numerals(point.decimal, next((group for group in groups if group), ""))

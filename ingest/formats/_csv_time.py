@@ -206,12 +206,16 @@ def _is_rounded(said: Sequence[str]) -> bool:
 
 
 def _like_time(time: TimeSpec, dialect: Dialect) -> Clock | None:
-    """The clock of the first column of numbers that go on in each row and whose name may be that of a time."""
+    """The clock of the first column of numbers that go on in each row, as seconds since 1970 need not, and whose name
+    may be that of a time."""
     for column in filter(is_like_time, dialect.names):
         steps = np.diff(dialect.numbers(column)) if dialect.is_number(column) else np.empty(0)
-        if len(steps) and (steps > 0).all():
-            unit = dialect.units.get(column) or unit_in_like(column)
-            return _by_content(time, column, replace(dialect, units=dialect.units | ({column: unit} if unit else {})))
+        unit = dialect.units.get(column) or unit_in_like(column)
+        if len(steps) and (steps >= 0).all() and steps.any():
+            units = dialect.units | ({column: unit} if unit else {})
+            clock = _by_content(time, column, replace(dialect, units=units))
+            if clock and ((steps > 0).all() or clock.absolute):
+                return clock
     return None
 
 

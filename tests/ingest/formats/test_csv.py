@@ -281,6 +281,16 @@ def test_decimal_commas_may_come_late(tmp_path: Path, delimiter: str, late: str)
     assert (log.settings["decimal"], list(log.rejected)) == (",", [])
 
 
+@pytest.mark.parametrize(("thousands", "number", "decimal"), [("1,200", "20.50", "."), ("1.200", "20,50", ",")])
+def test_a_sign_that_surely_parts_decimals_goes_before_one_that_may_part_thousands(
+    tmp_path: Path, thousands: str, number: str, decimal: str
+) -> None:
+    rows = f"0\t{thousands}\t{thousands}\t{number}\n1\t900\t900\t20\n"
+    log, _, columns = read(table(tmp_path, f"t\tn\tM\tT\n{rows}"))
+    assert (log.settings["decimal"], columns["T"]) == (decimal, [20.5, 20])
+    assert log.settings["numbers_with_units"] == {"n": thousands, "M": thousands}
+
+
 def test_late_commas_between_thousands_are_no_decimal_ones(tmp_path: Path) -> None:
     log, _, columns = read(table(tmp_path, "t\tn\n" + "".join(f"{k}\t900\n" for k in range(300)) + "300\t1,200\n"))
     assert (len(columns["n"]), [one.why for one in log.rejected]) == (300, ['text "1,200" where numbers are'])

@@ -245,6 +245,12 @@ def test_a_name_like_that_of_a_time_is_one_where_its_numbers_go_on(tmp_path: Pat
     assert (log.settings["time_column"], list(columns)) == (name, ["T", "Step time", "n"])
 
 
+def test_whole_seconds_since_1970_and_their_parts_may_be_called_so(tmp_path: Path) -> None:
+    rows = "".join(f"{MARCH_NS // S_NS + k // 2},{k % 2 * 500_000_000},20\n" for k in range(4))
+    _, t_ns, columns = read(table(tmp_path, f"header.stamp.sec,header.stamp.nanosec,T\n{rows}"))
+    assert (t_ns, list(columns)) == ([MARCH_NS + k * S_NS // 2 for k in range(4)], ["T"])
+
+
 @pytest.mark.parametrize("cells", ["10 10 11", "10 11 10"])
 def test_one_that_does_not_go_on_in_each_row_is_none(tmp_path: Path, cells: str) -> None:
     with pytest.raises(UnreadableLogError, match="no column is recognised as its time"):
