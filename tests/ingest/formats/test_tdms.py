@@ -183,7 +183,8 @@ def test_values_without_any_time_beside_others_that_have_one_are_rejected(tmp_pa
 def test_a_channel_without_times_that_is_as_long_as_the_waveforms_of_its_group_has_theirs(tmp_path: Path) -> None:
     start = np.datetime64("2024-03-01T08:00:00")
     timed = wave("bench", "T", [20.0, 21.0], 0.5, start)
-    path = write(tmp_path / "log.tdms", [timed, plain("bench", "state", ["on", "off"]), plain("notes", "x", [1.0, 2.0])])
+    others = plain("bench", "state", ["on", "off"]), plain("notes", "x", [1.0, 2.0])
+    path = write(tmp_path / "log.tdms", [timed, *others])
     log, t_ns, columns = read(path)
     assert [(t - t_ns[0]) // 10**6 for t in t_ns] == [0, 500]
     assert (columns["state"], len(log.rejected)) == (["on", "off"], 2)  # another group is another table
