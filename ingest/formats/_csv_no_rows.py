@@ -1,4 +1,4 @@
-"""Lines below the header of a table that are no rows: comments, statistics, the header again, delimiters alone."""
+"""Lines below the header of a table that are no rows: comments, statistics, its end, the header again, delimiters."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ _STATISTICS = (  # what lines below a table are called that tell of its columns,
     "totale;count;anzahl;range;rms;peak to peak"
 )
 STATISTICS = frozenset(_STATISTICS.split(";"))
+ENDS = ("eof", "end", "end of file", "end of data", "ende")  # the last line, where it says that it is one
 
 
 def is_row(line: str) -> bool:
@@ -40,9 +41,10 @@ def _is_none(line: str, dialect: Dialect, *, empty: bool, text_first: bool) -> b
     begin = line.lstrip(' "')[:1]
     if begin.isalpha():
         first = cells(line, dialect.delimiter)[:1] if not text_first else []
-        return TYPES_LINE.fullmatch(line) is not None or _words(first) in STATISTICS
+        ends = len(dialect.names) > 1 and _words([line]) in ENDS
+        return ends or TYPES_LINE.fullmatch(line) is not None or _words(first) in STATISTICS
     return line.startswith(RUNTIME) or (empty and line != "" and not line.strip(f'{dialect.delimiter} "\r'))
 
 
 def _words(first: Sequence[str]) -> str:
-    return "".join(first).strip(" :.").casefold()
+    return "".join(first).strip(' :."\r').casefold()

@@ -27,3 +27,9 @@ def test_lines_of_delimiters_alone_are_no_rows(tmp_path: Path, empty: str) -> No
     assert (len(t_ns), log.found, list(log.rejected), log.settings["lines_of_no_row"]) == (2, 2, [], 4)
     log, t_ns, columns = read(path, TimeSpec(rate_hz=1.0))  # each counts where rows have no time of their own
     assert (len(t_ns), columns["T"][2]) == (6, 21)
+
+
+@pytest.mark.parametrize("end", ["EOF", "End of file\r", "END"])
+def test_a_line_that_says_the_end_is_no_row(tmp_path: Path, end: str) -> None:
+    log, t_ns, _ = read(table(tmp_path, f"t;T\n0;20\n1;21\n{end}\n"))
+    assert (len(t_ns), log.found, list(log.rejected)) == (2, 2, [])
