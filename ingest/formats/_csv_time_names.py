@@ -29,7 +29,9 @@ LIKE_TIME = re.compile(
     r"(?i)time|zeit|\btemps|\btiempo|tijd|elapsed|dauer|duration|\bsec|\bsek|second|sekund|minuten|minutes|hours|stunden"
     r"|\bt_?rel\b|\bms$"
 )
-PART_OF_TIME = re.compile(r"(?i)step|schritt|cycle|zyklus|\blap|delta|delay|dead|response|constant|rise|fall|settl")
+PART_OF_TIME = re.compile(
+    r"(?i)step|schritt|cycle|zyklus|\blap|delta|delay|dead|response|constant|rise|fall|settl|age?ing|alterung|dose|above"
+)
 LIKE_UNITS = {"sekunden": "s", "seconds": "s", "minuten": "min", "minutes": "min", "stunden": "h", "hours": "h"}
 ZONE_IN_NAME = re.compile(
     r"(?:^|[\s_([])(?P<zone>(?:UTC|GMT)(?: ?[+-]\d{1,2}(?::?\d{2})?)?|[+-]\d{2}:\d{2}|CES?T|MES?Z"
@@ -71,7 +73,7 @@ def is_time_name(name: str) -> bool:
 
 def is_like_time(name: str) -> bool:
     """Whether the name of a column may be that of a time among others: `Messzeit`, `Test time`, `Seconds`; not that of
-    a step in it, or of a delay."""
+    a step in it, of a delay, or of hours that something has aged."""
     return bool(LIKE_TIME.search(name)) and not PART_OF_TIME.search(name)
 
 

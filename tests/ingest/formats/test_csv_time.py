@@ -251,10 +251,12 @@ def test_whole_seconds_since_1970_and_their_parts_may_be_called_so(tmp_path: Pat
     assert (t_ns, list(columns)) == ([MARCH_NS + k * S_NS // 2 for k in range(4)], ["T"])
 
 
-@pytest.mark.parametrize("cells", ["10 10 11", "10 11 10"])
-def test_one_that_does_not_go_on_in_each_row_is_none(tmp_path: Path, cells: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "cells"), [("Run time (h)", "10 10 11"), ("Run time (h)", "10 11 10"), ("ageing hours", "10 11 12")]
+)
+def test_one_that_does_not_go_on_in_each_row_or_counts_what_aged_is_none(tmp_path: Path, name: str, cells: str) -> None:
     with pytest.raises(UnreadableLogError, match="no column is recognised as its time"):
-        read(table(tmp_path, "T;Run time (h)\n" + "".join(f"20;{cell}\n" for cell in cells.split())))
+        read(table(tmp_path, f"T;{name}\n" + "".join(f"20;{cell}\n" for cell in cells.split())))
 
 
 @pytest.mark.parametrize(("form", "step_s"), [("%H:%M", 60), ("%M:%S", 1)])
