@@ -26,11 +26,11 @@ X_NAMES = frozenset(("x", "xaxis", "xachse", "xvalue", "xvalues", "xwert", "xwer
 DATE_WORDS = frozenset(("date", "datetime", "datum", "data", "fecha"))
 ZONE_WORDS = frozenset(("tz", "timezone", "zeitzone"))
 LIKE_TIME = re.compile(
-    r"(?i)time|zeit|\btemps|\btiempo|tijd|elapsed|dauer|duration|\bsec|\bsek|second|sekund|minuten|minutes|hours|stunden"
-    r"|\bt_?rel\b|\bms$"
+    r"(?i)time|zeit|tiempo|tijd|elapsed|dauer\b|duration|sekunden|seconds|minuten|minutes|hours|stunden"
+    r"|\b(?:secs?|sek)(?:\b|_)|(?-i:\bt_?rel\b)|^second$|\bms$"
 )
 PART_OF_TIME = re.compile(
-    r"(?i)step|schritt|cycle|zyklus|\blap|delta|delay|dead|response|constant|rise|fall|settl|age?ing|alterung|dose|above"
+    r"(?i)step|schritt|cycle|zyklus|\blap|delta|delay|dead|response|constant|konstant|rise|fall|settl|age?ing|alterung|dose|above"
 )
 LIKE_UNITS = {"sekunden": "s", "seconds": "s", "minuten": "min", "minutes": "min", "stunden": "h", "hours": "h"}
 ZONE_IN_NAME = re.compile(

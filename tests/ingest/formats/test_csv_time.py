@@ -252,7 +252,8 @@ def test_whole_seconds_since_1970_and_their_parts_may_be_called_so(tmp_path: Pat
 
 
 @pytest.mark.parametrize(
-    ("name", "cells"), [("Run time (h)", "10 10 11"), ("Run time (h)", "10 11 10"), ("ageing hours", "10 11 12")]
+    ("name", "cells"),
+    [("Run time (h)", "10 10 11"), ("Run time (h)", "10 11 10"), ("ageing hours", "10 11 12"), ("Secondary", "1 2 3")],
 )
 def test_one_that_does_not_go_on_in_each_row_or_counts_what_aged_is_none(tmp_path: Path, name: str, cells: str) -> None:
     with pytest.raises(UnreadableLogError, match="no column is recognised as its time"):
