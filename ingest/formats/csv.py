@@ -144,8 +144,8 @@ class CsvLog(Log):
             )
         begin = written[len(dialect.lines_above) + dialect.units_row] + 1
         comments = (line for line in lines[:begin] if line[:1] == "#")
-        heads = (lines[written[len(dialect.lines_above)]], lines[begin - 1], *dialect.lines_above, *comments)
-        self._heads = frozenset(heads)
+        over = (line for line in dialect.lines_above if line[:1] not in NUMBER_BEGINS)  # 1;2;3 may be a row as well
+        self._heads = frozenset((lines[written[len(dialect.lines_above)]], lines[begin - 1], *over, *comments))
         if "decimal" not in self.unsaid and not dialect.shows_decimals() and self._has_commas(dialect.delimiter):
             dialect = replace(dialect, numerals=Numerals(","))
         dialect = replace(dialect, rows=lambda: self._all_rows(begin, dialect.delimiter))

@@ -253,8 +253,8 @@ def test_brackets_at_the_end_of_a_name_hold_its_unit_unless_it_stands_before(
 @pytest.mark.parametrize("numbers", ["1;2;3", "0;1;2", ";1;2"])
 @pytest.mark.parametrize("units", ["", "s;°C;1/min\n"])
 def test_the_names_may_stand_below_the_numbers_of_the_columns(tmp_path: Path, numbers: str, units: str) -> None:
-    log, t_ns, columns = read(table(tmp_path, f"{numbers}\nTime;T_wdg;Speed\n{units}0;20;5\n1;21;6\n"))
-    assert (t_ns, columns) == ([0, S_NS], {"T_wdg": [20, 21], "Speed": [5, 6]})
+    log, t_ns, columns = read(table(tmp_path, f"{numbers}\nTime;T_wdg;Speed\n{units}0;1;2\n1;2;3\n"))
+    assert (t_ns, columns) == ([0, S_NS], {"T_wdg": [1, 2], "Speed": [2, 3]})
     assert log.units == ({"Time": "s", "T_wdg": "°C", "Speed": "1/min"} if units else {})
 
 
