@@ -33,7 +33,7 @@ from ingest.formats._long_tables import LongTable, recognise_long
 
 LONG_LOG = 4 << 30  # bytes, unpacked, of a log that may be as small as it likes: about a minute of reading
 DAMAGE = (pa.ArrowException, OSError, ValueError, KeyError)  # pyarrow raises these for damaged bytes
-MOST_PLACES = 64  # of a list
+MOST_PLACES, MOST_COLUMNS, LEVELS = 64, 1000, 16  # of a list; of what holds lists and structures
 NO_TIME = np.iinfo(np.int64).min  # in place of a missing stamp or duration
 
 Table = Mapping[str, pa.Array]  # columns by name
@@ -200,10 +200,8 @@ def checked(table: pa.RecordBatch) -> pa.RecordBatch:
 def _flat(table: pa.RecordBatch) -> pa.RecordBatch:
     """The table with a column for each field of its structures, and for each place of its lists of one length."""
     while any(_parts(one.type) for one in table.schema):
-        parted = [
-            part for one, column in zip(table.schema, table.columns, strict=True) for part in _parted(one, column)
-        ]
-        fields, columns = zip(*parted, strict=True)
+        together = zip(table.schema, table.columns, strict=True)
+        fields, columns = zip(*(part for one, column in together for part in _parted(one, column)), strict=True)
         table = pa.RecordBatch.from_arrays([*columns], schema=pa.schema(fields))
     return table
 
@@ -223,10 +221,25 @@ def _parted(said: pa.Field, column: pa.Array) -> list[tuple[pa.Field, pa.Array]]
 
 
 def _parts(one: pa.DataType) -> list[pa.Field]:
-    """The fields that a type has, those of a list of one length once for each place; none of most types."""
+    """The fields that a type has, those of a list of one length once for each place; none of most types, and of one that
+    would be more columns than a log has."""
+    return _fields(one) if 0 < _width(one) <= MOST_COLUMNS else []
+
+
+def _fields(one: pa.DataType) -> list[pa.Field]:
     if types.is_fixed_size_list(one):
         return [one.value_field] * one.list_size if one.list_size <= MOST_PLACES else []
     return [one.field(place) for place in range(one.num_fields)] if types.is_struct(one) else []
+
+
+def _width(one: pa.DataType, levels: int = LEVELS) -> int:
+    """How many columns a type would be in all; 0 of one with more levels."""
+    if types.is_fixed_size_list(one) and one.list_size <= MOST_PLACES:
+        return one.list_size * _width(one.value_type, levels - 1) if levels else 0
+    if types.is_struct(one):
+        widths = [_width(field.type, levels - 1) if levels else 0 for field in _fields(one)]
+        return sum(widths) if all(widths) else 0
+    return 1
 
 
 def _kept(table: pa.RecordBatch) -> dict[str, pa.Array]:

@@ -234,6 +234,19 @@ def test_parts_of_structures_and_of_lists_of_one_length_are_columns(
     assert log.units == {"motor.T": "K"}
 
 
+def test_what_would_be_more_columns_than_a_log_has_is_left_out_whole(tmp_path: Path) -> None:
+    matrix = pa.FixedSizeListArray.from_arrays(pa.FixedSizeListArray.from_arrays(pa.array(np.zeros(64**2)), 64), 64)
+    deep: pa.Array = pa.array([1.0])
+    for _ in range(20):
+        deep = pa.StructArray.from_arrays([deep], ["a"])
+    table = pa.table(
+        {"time": [0.0], "T": [20.0], "matrix": matrix, "deep": deep, "none": pa.array([{}], pa.struct([]))}
+    )
+    write_arrow(table, tmp_path / "log")
+    log, _, columns = read(tmp_path / "log")
+    assert (columns, log.settings["left_out"]) == ({"T": [20.0]}, ["matrix", "deep", "none"])
+
+
 def test_columns_called_alike_are_made_unique_and_units_are_read(tmp_path: Path) -> None:
     fields = [pa.field("time", pa.float64()), pa.field("T", pa.float64(), metadata={"unit": "K"}), ("T", pa.float64())]
     table = pa.table([pa.array([0.0, 1.0])] * 3, schema=pa.schema(fields))
