@@ -221,8 +221,8 @@ def _parted(said: pa.Field, column: pa.Array) -> list[tuple[pa.Field, pa.Array]]
 
 
 def _parts(one: pa.DataType) -> list[pa.Field]:
-    """The fields that a type has, those of a list of one length once for each place; none of most types, and of one that
-    would be more columns than a log has."""
+    """The fields that a type has, those of a list of one length once for each place; none of most types, and of one
+    that would be more columns than a log has."""
     return _fields(one) if 0 < _width(one) <= MOST_COLUMNS else []
 
 
