@@ -256,6 +256,7 @@ FORMATS: tuple[Format, ...] = (
     Format("gvret", "frames", (), b"", "ingest.formats.gvret", rb"(?im)^time stamp,id,extended,"),
     Format("can_csv", "frames", (), b"", "ingest.formats.can_csv", rb"(?m)^timestamp,arbitration_id,extended,remote"),
     Format("css_csv", "frames", (), b"", "ingest.formats.css_csv", rb"\ATimestampEpoch.BusChannel.ID.IDE.DLC"),
+    Format("busmaster", "frames", (), b"", "ingest.formats.busmaster", rb"\A\s*-?\*{3}BUSMASTER Ver"),
     Format("twincat", "rows", (), b"", "ingest.formats.twincat", rb'\AName.*\n(?:File.*\n)?"?Starttime of export'),
     Format("mf4", "frames", (".mf4",), b"MDF     4", "ingest.formats.mf4", rb"\AUnFinMF 4", claims=True),
     Format("mdf", "rows", (".mf4", ".mdf"), b"MDF     ", "ingest.formats.mdf", rb"\AUnFinMF "),

@@ -1,7 +1,8 @@
 """Tables whose columns have types, as Arrow and Parquet files hold them: their rows, and the column that is their time.
 
-Numbers, truths and decimals become numbers, null a missing one; texts, dates and further stamps become texts. Columns
-of other types are left out (`settings["left_out"]`). The time is the first column of stamps (one that is called time
+Numbers, truths and decimals become numbers, null a missing one; texts, dates and further stamps become texts. Those of
+structures and of lists of one length are columns of their own (`motor.T`, `phases.0`). Columns of other types are left
+out (`settings["left_out"]`). The time is the first column of stamps (one that is called time
 before others), else the first of durations, else what a table of text would have as its time. Stamps without a zone are
 local ones. A row without a time is rejected.
 """
@@ -32,6 +33,7 @@ from ingest.formats._long_tables import LongTable, recognise_long
 
 LONG_LOG = 4 << 30  # bytes, unpacked, of a log that may be as small as it likes: about a minute of reading
 DAMAGE = (pa.ArrowException, OSError, ValueError, KeyError)  # pyarrow raises these for damaged bytes
+MOST_PLACES, MOST_COLUMNS, LEVELS = 64, 1000, 16  # of a list; of what holds lists and structures
 NO_TIME = np.iinfo(np.int64).min  # in place of a missing stamp or duration
 
 Table = Mapping[str, pa.Array]  # columns by name
@@ -94,6 +96,7 @@ class ArrowLog(Log):
             if left < 0:
                 self._ended = f"unpacks to more than {most:,} bytes, in row {self.found:,}"
                 break
+            table = _flat(table)
             if not self.found and table.num_rows:
                 self._begin(table)
             size = rows_at_once(table.num_columns)
@@ -148,7 +151,7 @@ class ArrowLog(Log):
         return Dialect("\t", Numerals("."), tuple(table), numeric, self.units, False, {}, head, rows=self._all_rows)
 
     def _all_rows(self) -> Iterator[list[str]]:
-        return (row for table in self._tables() for row in _texts(_kept(table)))
+        return (row for table in self._tables() for row in _texts(_kept(_flat(table))))
 
     # ---- rows ------------------------------------------------------------------------------------------------------
 
@@ -192,6 +195,51 @@ def checked(table: pa.RecordBatch) -> pa.RecordBatch:
     table.validate(full=True)
     assert all(isinstance(name, str) for name in table.schema.names)  # decodes them
     return table
+
+
+def _flat(table: pa.RecordBatch) -> pa.RecordBatch:
+    """The table with a column for each field of its structures, and for each place of its lists of one length."""
+    while any(_parts(one.type) for one in table.schema):
+        together = zip(table.schema, table.columns, strict=True)
+        fields, columns = zip(*(part for one, column in together for part in _parted(one, column)), strict=True)
+        table = pa.RecordBatch.from_arrays([*columns], schema=pa.schema(fields))
+    return table
+
+
+def _parted(said: pa.Field, column: pa.Array) -> list[tuple[pa.Field, pa.Array]]:
+    """The parts of a column, one level down; the column itself where it has none."""
+    parts = _parts(said.type)
+    if not parts:
+        return [(said, column)]
+    if types.is_struct(said.type):
+        columns = column.flatten()
+    else:
+        columns = [pc.list_element(column, place) for place in range(len(parts))]
+    names = (part.name if types.is_struct(said.type) else str(place) for place, part in enumerate(parts))
+    fields = [part.with_name(f"{said.name}.{name}") for part, name in zip(parts, names, strict=True)]
+    return [*zip(fields, columns, strict=True)]
+
+
+def _parts(one: pa.DataType) -> list[pa.Field]:
+    """The fields that a type has, those of a list of one length once for each place; none of most types, and of one
+    that would be more columns than a log has."""
+    return _fields(one) if 0 < _width(one) <= MOST_COLUMNS else []
+
+
+def _fields(one: pa.DataType) -> list[pa.Field]:
+    if types.is_fixed_size_list(one):
+        return [one.value_field] * one.list_size if one.list_size <= MOST_PLACES else []
+    return [one.field(place) for place in range(one.num_fields)] if types.is_struct(one) else []
+
+
+def _width(one: pa.DataType, levels: int = LEVELS) -> int:
+    """How many columns a type would be in all; 0 of one with more levels."""
+    if types.is_fixed_size_list(one) and one.list_size <= MOST_PLACES:
+        return one.list_size * _width(one.value_type, levels - 1) if levels else 0
+    if types.is_struct(one):
+        widths = [_width(field.type, levels - 1) if levels else 0 for field in _fields(one)]
+        return sum(widths) if all(widths) else 0
+    return 1
 
 
 def _kept(table: pa.RecordBatch) -> dict[str, pa.Array]:

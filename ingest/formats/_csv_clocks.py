@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -31,10 +31,15 @@ class Clock(ABC):
     absolute: bool
     columns: tuple[str, ...] = ()  # those that hold it: none, one, or several (date, time of day, milliseconds)
     is_text: bool = False  # their cells are wanted as text
+    origin_ns: int = 0  # what is counted counts from it
 
     @abstractmethod
     def t_ns(self, cells: NDArray[Any], record: Ints) -> tuple[Ints, Flags]:
         """(t_ns, bad) of consecutive rows (N,); bad where their cell, as `cells` gives it, is no time."""
+
+    def counting_from(self, origin_ns: int, record: int) -> Clock:
+        """The clock of a logger that was started anew at `origin_ns`, with that record next."""
+        return replace(self, origin_ns=origin_ns)
 
     def cells(self, columns: Sequence[NDArray[Any]]) -> NDArray[Any]:
         """The cells of `columns` (each (N,)) as one a row (N,)."""
@@ -44,8 +49,8 @@ class Clock(ABC):
         """Why a cell that `t_ns` called bad is no time."""
         return f'"{cell[:SHOWN]}" is no time ({self.says})'
 
-    def counted(self) -> dict[str, int]:
-        """What was counted on the way, for the settings."""
+    def counted(self) -> dict[str, Any]:
+        """What was counted, or guessed, on the way, for the settings."""
         return {}
 
 
@@ -54,7 +59,9 @@ class Rate(Clock):
     """Rows at a fixed rate: row k is at k / `rate_hz` after the origin."""
 
     rate_hz: float
-    origin_ns: int
+
+    def counting_from(self, origin_ns: int, record: int) -> Clock:
+        return replace(self, origin_ns=origin_ns - round(record * 1e9 / self.rate_hz))
 
     def t_ns(self, cells: NDArray[Any], record: Ints) -> tuple[Ints, Flags]:
         return self.origin_ns + np.rint(record * (1e9 / self.rate_hz)).astype(np.int64), np.zeros(len(record), bool)
@@ -68,7 +75,6 @@ class Counted(Clock):
     unit_ns: float
     parts: float = 1.0  # of a second, of which the last of two columns counts how many are to be added
     zero: float = 0.0
-    origin_ns: int = 0
     step_ns: int = 1
     _wraps: int = field(default=0, init=False)
     _last: float = field(default=np.nan, init=False)
@@ -88,7 +94,7 @@ class Counted(Clock):
             self._wraps, self._last = int(wraps[-1]), float(cells[said[-1]])
         return np.asarray(cells + wraps * float(WRAP)) if self._wraps else cells
 
-    def counted(self) -> dict[str, int]:
+    def counted(self) -> dict[str, Any]:
         return {"counter_wraps": self._wraps} if self._wraps else {}
 
 
@@ -126,7 +132,7 @@ class OfDay(Clock):
     """Hours, minutes and seconds without a date, from the midnight before the first row. A clock that goes back by more
     than half a turn, which is a day, has begun the next one."""
 
-    origin_ns: int = 0
+    either: str = ""  # its first time, where that may be minutes and seconds as well as hours and minutes
     called: ClassVar[str] = "time of day"
     turn_s: ClassVar[float] = DAY_S
     is_text: bool = field(default=True, init=False)
@@ -147,6 +153,9 @@ class OfDay(Clock):
             self._turns, self._last_s = int(turns[-1]), float(seconds[fine[-1]])
         t_s = np.where(bad, 0.0, seconds + turns * self.turn_s)
         return self.origin_ns + np.rint(t_s * 1e6).astype(np.int64) * 1000, bad
+
+    def counted(self) -> dict[str, Any]:
+        return {"time_either": self.either} if self.either else {}
 
 
 class OfHour(OfDay):
@@ -248,6 +257,7 @@ class Stamped(Clock):
     local: LocalClock
     digits: int = 0  # of the part of the second that the last of the columns holds: 3 where it is milliseconds
     zoned: bool = False  # the last of them, behind that, holds the zone
+    zone_said: str = ""  # of all stamps, which say none: UTC+1
     sparse_dates: bool = False  # the first of them holds a date where it is another one, as ALMEMO writes it
     is_text: bool = field(default=True, init=False)
     _day: str = field(default="", init=False)  # the date that was said last
@@ -261,6 +271,8 @@ class Stamped(Clock):
         if self.digits:
             both = zip(stamps, columns[len(own)], strict=True)
             stamps = np.array([f"{one}.{part.strip():0>{self.digits}}" for one, part in both], object)
+        if self.zone_said:
+            return np.array([f"{one.strip()} {self.zone_said}" if one.strip() else "" for one in stamps], object)
         return joined(stamps, columns[-1]) if self.zoned else stamps
 
     def t_ns(self, cells: NDArray[Any], record: Ints) -> tuple[Ints, Flags]:
@@ -272,5 +284,5 @@ class Stamped(Clock):
             return super().why(cell)
         return f"{clock} does not exist in {self.local.zone.key} on that day (clocks went forward)"
 
-    def counted(self) -> dict[str, int]:
+    def counted(self) -> dict[str, Any]:
         return {"ambiguous_rows": self.local.ambiguous} if self.local.ambiguous else {}

@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import isnan
 
@@ -72,6 +72,17 @@ class Dialect:
     def said(self, column: str) -> list[str]:
         """Those of them that are not missing."""
         return [cell for cell in self.cells_of(column) if cell not in _csv_numbers.MISSING]
+
+    def all_said(self, column: str) -> Iterator[str]:
+        """Those of all rows of the table."""
+        place = self.names.index(column)
+        whole = (row[place].strip() for row in self.rows() if len(row) == len(self.names))
+        return (cell for cell in whole if cell not in _csv_numbers.MISSING)
+
+    def shows_decimals(self) -> bool:
+        """Whether a number in the sample has a decimal sign: else nothing tells it as yet."""
+        decimal = self.numerals.decimal
+        return any(decimal in cell and self.numerals.is_number(cell) for row in self.sample for cell in row)
 
     def numbers(self, column: str) -> list[float]:
         """Those of them that are numbers."""
@@ -140,7 +151,7 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
     numerals = _csv_numbers.recognise((cell for row in fitting for cell in row), delimiter)
     units = _units_of_settings(lines[:above], names, delimiter) | _units_above(lines[:above], names, delimiter)
     has_units = _is_units_row(fitting, numerals)
-    units |= {name: match[1] for name, text in zip(names, header, strict=True) if (match := UNIT_IN_NAME.search(text))}
+    units |= {name: unit for name, text in zip(names, header, strict=True) if (unit := _unit_in(text))}
     if has_units:
         units |= {name: _bare(cell) for name, cell in zip(names, fitting[0], strict=True) if cell}
         fitting = fitting[1:]
@@ -160,6 +171,17 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
     )
 
 
+def _unit_in(name: str) -> str | None:
+    """The unit in brackets at the end of a name: "degC" of `T [degC]`, and "°C" of `T (°C) [TC01]`, where another thing
+    stands there."""
+    found = UNIT_IN_NAME.search(name)
+    if found is None:
+        return None
+    before = re.findall(r"\(([^()]+)\)", name[: found.start()])
+    inner = (one for one in before if normal_unit(one) is not None)
+    return next(inner, found[1]) if normal_unit(found[1]) is None else found[1]
+
+
 def _merged(header: list[str], over: Sequence[str], delimiter: str) -> list[str]:
     """The names, each empty one from the line over it, as a cell is that was merged with the one below."""
     above = [cell.strip() for line in over for cell in cells(line, delimiter)]
@@ -169,10 +191,13 @@ def _merged(header: list[str], over: Sequence[str], delimiter: str) -> list[str]
 
 
 def _units_above(lines: Sequence[str], names: Sequence[str], delimiter: str) -> dict[str, str]:
-    """The units that a line above the names says, where it is headed so and has as many cells."""
+    """The units that a line above the names says, where it has as many cells and is headed so, or holds units alone."""
     rows = ([cell.strip() for cell in cells(line, delimiter)] for line in lines)
-    said = (row for row in rows if len(row) == len(names) and _heads_units(row))
-    return {name: _bare(cell) for name, cell in zip(names[1:], next(said, [""])[1:], strict=False) if cell}
+    fitting = [row for row in rows if len(row) == len(names)]
+    if fitting and _are_units_alone(fitting[-1]):
+        return {name: _bare(cell) for name, cell in zip(names, fitting[-1], strict=True) if cell}
+    said = next(filter(_heads_units, fitting), [""])
+    return {name: _bare(cell) for name, cell in zip(names[1:], said[1:], strict=False) if cell}
 
 
 def _units_of_settings(lines: Sequence[str], names: Sequence[str], delimiter: str) -> dict[str, str]:
@@ -226,7 +251,8 @@ def _above_header(lines: Sequence[str], delimiter: str) -> int:
     columns = zip(*(row[:usual] for row in below), strict=True)
     valued = [i for i, column in enumerate(columns) if _holds_values(column)]
     of_values = {place: [table[place][i] for i in valued] for place in fitting}
-    first = next((place for place in fitting if _is_data(of_values[place])), 0)
+    numbered = fitting[:1] == [0] and _numbers_columns(table[0])
+    first = next((place for place in fitting[numbered:] if _is_data(of_values[place])), 0)
     above = [place for place in fitting if place < first and not any(map(is_value, table[place]))]
     above = [place for place in above if not _heads_units(table[place])]
     names = [place for place in above if 2 * sum(map(bool, of_values[place])) > len(valued)]
@@ -235,8 +261,17 @@ def _above_header(lines: Sequence[str], delimiter: str) -> int:
     units = next((place for place in together[1:] if _is_units(of_values[place])), None)
     if units is not None:
         return units - 1
+    if len(together) > 1 and _are_units_alone(of_values[together[-2]]) and not _is_units(of_values[together[-1]]):
+        return together[-1]
     two = len(together) > 1 and any(NAME_AND_UNIT.search(cell) for cell in table[together[-1]])
     return 0 if not together or (together[0] == 0 and not two) else together[-1]
+
+
+def _numbers_columns(row: Sequence[str]) -> bool:
+    """Whether cells count the columns, as above their names: 1, 2, 3."""
+    said = [cell for cell in row if cell]
+    begin = int(said[:1] != ["0"])
+    return len(said) > 1 and said == [str(begin + place) for place in range(len(said))]
 
 
 def _holds_values(column: Sequence[str]) -> bool:
@@ -260,6 +295,12 @@ def _is_units(row: Sequence[str]) -> bool:
     said = [cell for cell in row if cell]
     units = [cell for cell in said if _bare(cell) != cell or normal_unit(cell) is not None]
     return 2 * len(units) >= len(said) > 0
+
+
+def _are_units_alone(row: Sequence[str]) -> bool:
+    """Whether cells are units, all that are not empty, though none heads them as such: above the names."""
+    said = [cell for cell in row if cell]
+    return bool(said) and all(normal_unit(_bare(cell)) is not None for cell in said)
 
 
 def _open_end(row: Sequence[str], header: Sequence[str]) -> bool:

@@ -29,7 +29,7 @@ def labels_aside(lines: list[str]) -> list[str]:
     lines for the rest of it, so that each line keeps its number. Other lines as they are, and those of several blocks,
     or of traces with steps of their own."""
     found = next(filter(None, map(LOOKS.match, lines[:HEAD])), None)
-    if found is None:
+    if found is None or sum(LOOKS.match(line) is not None for line in lines) > 1:
         return lines
     delimiter = found[1]
     rows = [[cell.strip() for cell in cells(line, delimiter)] for line in lines[:HEAD]]

@@ -34,6 +34,7 @@ class LineReader:
 
     dialect: Dialect
     numeric: tuple[bool, ...]
+    no_row: str = ""  # what a line is that has other fields than the header, where that is known
 
     def read(self, lines: list[str], places: list[int], bad: dict[int, tuple[str, str]]) -> Lines:
         """The lines at `places`; `bad` takes those that cannot be read: place -> (column, why)."""
@@ -111,7 +112,8 @@ class LineReader:
         """The values of one line, or (column, why it cannot be read)."""
         row = cells(line, self.dialect.delimiter)
         if len(row) != len(self.numeric):
-            return "", f"has {len(row):,} field{'s' * (len(row) != 1)} where the header has {len(self.numeric):,}"
+            count = f"has {len(row):,} field{'s' * (len(row) != 1)} where the header has {len(self.numeric):,}"
+            return "", self.no_row or count
         values: list[float | str] = []
         for name, cell, numeric, end in zip(self.dialect.names, row, self.numeric, ends, strict=True):
             if not numeric:

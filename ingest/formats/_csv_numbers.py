@@ -12,7 +12,23 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-NOTHING = ("", "nan", "NaN", "NAN", "NA", "N/A", "n/a", "null", "NULL", "None", "NoValue")
+NOTHING = (
+    "",
+    "nan",
+    "NaN",
+    "NAN",
+    "NA",
+    "N/A",
+    "n/a",
+    "null",
+    "NULL",
+    "None",
+    "NoValue",
+    "n.a.",
+    "N.A.",
+    "k.A.",
+    "n.v.",
+)
 OVER_RANGE = ("OL", "O.L", "OVER", "OVLD", "nan", "inf", "Inf", "INF", "∞", "1.#INF", "1.#QNAN", "1.#IND")
 BROKEN = ("OPEN", "Open", "INVALID", "Invalid", "Error", "unavailable", "#OVL", "OTC", "---O-F---", "---O-L---")
 FAULTS = (  # in any of three spellings: "over range", "Over range", "OVER RANGE"; in four languages
@@ -44,13 +60,15 @@ MISSING = frozenset(
         *("-" * before + "." + "-" * behind for before in range(1, 5) for behind in range(1, 5)),
     )
 )
+BEYOND = re.compile(r"[<>]=? ?[+-]?[0-9][0-9.,]*")  # >1300, out of the range of a meter
 NO_READING = 9.9e37  # from here on no reading: 9.9E37 and 9.91E37 of SCPI-1999 (volume 1, 7.2.1), 9999E+99 of others
 ABSENT = (-9999.0, -99999.0)  # as loggers write that there is no reading, where nothing else is that low
 LOWEST = -1000.0  # of what else a column holds, for that
 BLANKS = " \u00a0\u202f"  # that stand between thousands: plain, no-break, narrow no-break
 APOSTROPHES = "'’"
 OTHER = {".": ",", ",": "."}
-QUOTED_DECIMAL = re.compile(r"[+-]?[0-9]+,(?:[0-9]{1,2}|[0-9]{4,})|[+-]?0,[0-9]+")
+# numbers whose sign stands between no thousands
+SURE = {sign: re.compile(rf"[+-]?(?:\d+[{sign}](?:\d{{1,2}}|\d{{4,}})|(?:0|\d{{4,}})[{sign}]\d+)") for sign in ",."}
 EXPONENT = r"(?:[eE][+-]?[0-9]+)?"
 
 
@@ -65,9 +83,10 @@ class Numerals:
     group: str = ""
 
     def value(self, cell: str) -> float | None:
-        """The number in `cell`; NaN where it is a sign for "missing", None where it is text or too large."""
+        """The number in `cell`; NaN where it is a sign for "missing", or says that it is beyond a range; None where it
+        is text or too large."""
         cell = cell.strip()
-        if cell in MISSING:
+        if cell in MISSING or BEYOND.fullmatch(cell):
             return float("nan")
         if self._plain.fullmatch(cell):
             found = float(cell.replace(self.decimal, "."))
@@ -146,11 +165,15 @@ class Numerals:
 
 
 def recognise(cells: Iterable[str], delimiter: str) -> Numerals:
-    """From the cells of the first rows. Where commas stand between the columns, the decimal sign is the point, unless
-    cells in quotes hold commas that stand between no thousands."""
+    """From the cells of the first rows: the sign that surely parts decimals in some, where the other does in none; else
+    the one of more cells. Where commas stand between the columns, the decimal sign is the point, unless cells in quotes
+    hold commas that stand between no thousands."""
     found = list(cells)
     point, comma = Numerals("."), Numerals(",")
-    if delimiter != "," or any(QUOTED_DECIMAL.fullmatch(cell) for cell in found):
+    plain = {sign: any(map(number.fullmatch, found)) for sign, number in SURE.items()}
+    if delimiter != "," or plain[","]:
+        sure_comma = plain[","] or any(comma.shows_groups(cell) == "." for cell in found)
+        sure_point = plain["."] or any(point.shows_groups(cell) == "," for cell in found)
         commas, points = (
             sum(
                 numerals.shows_groups(cell) is not None or (numerals.decimal in cell and numerals.is_number(cell))
@@ -158,7 +181,7 @@ def recognise(cells: Iterable[str], delimiter: str) -> Numerals:
             )
             for numerals in (comma, point)
         )
-        if commas and commas >= points:
+        if commas and (commas >= points if sure_comma == sure_point else sure_comma):
             point = comma
     groups = (point.shows_groups(cell) for cell in found)
     return Numerals(point.decimal, next((group for group in groups if group), ""))

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from ingest.formats import TimeSpec
 from ingest.formats._csv_clocks import Clock, Flags
 from ingest.formats._csv_dialect import Dialect
-from ingest.formats._csv_time import clock_of
+from ingest.formats._csv_time import clock_of, rises
 from ingest.formats._csv_time_names import is_time_name, is_x
 
-NUMBERED = re.compile(r"[ _]?\d+$")  # `Zeit 2` is one of several
+NUMBERED = re.compile(r"[ _]?\d+(?=$| ?[\[(][^\])\d]*[\])]$)")  # `Zeit 2` and `t2 [s]` are one of several
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,8 @@ def _columns_of_times(clock: Clock, dialect: Dialect) -> list[str]:
     times = times or [name for name in dialect.names if is_x(name, dialect, called[name])]
     places = [*map(dialect.names.index, times), len(dialect.names)]
     beside = len(times) > 1 and all(end - first > 1 for first, end in pairwise(places))
-    return times if beside and (times[0],) == clock.columns == dialect.names[:1] else []
+    go_on = all(rises(np.array(dialect.numbers(name))) for name in times if dialect.is_number(name))
+    return times if beside and go_on and (times[0],) == clock.columns == dialect.names[:1] else []
 
 
 def _clocks(time: TimeSpec, clock: Clock, dialect: Dialect, times: Sequence[str]) -> list[Clock]:

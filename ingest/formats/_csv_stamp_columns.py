@@ -35,7 +35,7 @@ from ingest.formats._csv_stamps import (
     month_first,
     year_may_be_first,
 )
-from ingest.formats._csv_time_names import PARTS_OF_STAMP, digits_of, is_zone_name, words
+from ingest.formats._csv_time_names import PARTS_OF_STAMP, digits_of, is_zone_name, words, zone_in_name
 
 ORDER_IN_NAME = re.compile(r"\b(dd|mm)[-./](?:dd|mm)[-./]yy", re.IGNORECASE)  # `Date (MM/DD/YYYY)`
 NO_RECORD = np.empty(0, np.int64)  # stamps need none
@@ -149,9 +149,25 @@ def _with_zone(clock: Stamped, dialect: Dialect) -> Stamped:
 
 def _says_zone(clock: Stamped, dialect: Dialect) -> bool:
     """Whether the stamps themselves say their zone, or cannot have one."""
-    if "(?P<z>" not in clock.pattern or clock.zoned or any("utc" in words(name) for name in clock.columns):
+    return any("utc" in words(name) for name in clock.columns) or _cells_say_zone(clock, dialect)
+
+
+def _cells_say_zone(clock: Stamped, dialect: Dialect) -> bool:
+    """Whether cells do, of the stamps or of a column for it, or the stamps cannot have one."""
+    if "(?P<z>" not in clock.pattern or clock.zoned or clock.zone_said:
         return True
     return any(re.search(f"{ZONE}$", cell.strip()) for cell in time_cells(clock, dialect))
+
+
+def in_headed_zone(clock: Stamped, dialect: Dialect) -> Stamped:
+    """The clock in the zone that the name of its column ends in, where its stamps say none."""
+    zone = next(filter(None, map(zone_in_name, clock.columns)), None)
+    if zone is None or _cells_say_zone(clock, dialect):
+        return clock
+    says = f"{clock.says.removesuffix(f' in {clock.local.zone.key}')} in {zone}"
+    if re.fullmatch(ZONE, zone):
+        return replace(clock, says=says, zone_said=zone)
+    return replace(clock, says=says, local=LocalClock(ZoneInfo(zone))) if zone in available_timezones() else clock
 
 
 def in_named_zone(clock: Stamped, dialect: Dialect, log: str) -> Stamped:

@@ -32,19 +32,22 @@ ZONE = rf"(?P<z>(?:UTC|GMT)?[+-]\d{{1,2}}(?::?\d{{2}})?|{'|'.join(sorted(ZONES, 
 DIRECTIVES = {
     "Y": r"(?P<Y>\d{4})", "y": r"(?P<y>\d{2})", "m": r"(?P<m>\d{1,2})", "d": r"(?P<d>\d{1,2})", "H": r"(?P<H>\d{1,2})",
     "I": r"(?P<I>\d{1,2})", "M": r"(?P<M>\d{1,2})", "S": r"(?P<S>\d{1,2})", "f": r"(?P<f>\d{1,9})",
-    "p": r"(?P<p>[AaPp]\.?\s?[Mm]\.?)", "z": ZONE, "b": MONTH, "B": rf"{MONTH}{LETTER}*", "%": "%",
+    "p": r"(?P<p>[AaPp]\.?\s?[Mm]\.?)", "z": ZONE, "a": rf"{LETTER}{{2,10}}",
+    "b": MONTH, "B": rf"{MONTH}{LETTER}*", "%": "%",
 }  # fmt: skip
 HALF = rf"(?:{BLANK}?{DIRECTIVES['p']})?"
 CLOCK = rf"(?P<H>\d{{1,2}})[:.](?P<M>\d{{2}})(?:[:.](?P<S>\d{{2}})(?:[.,:](?P<f>\d{{1,9}})\d*)?)?{HALF}"
-GAP = rf"(?:T|,?{BLANK}{{1,3}})"  # between date and time of day
-WEEKDAY = rf"(?:{LETTER}{{2,10}}[.,]{{0,2}} )?"
+GAP = rf"(?:[T_-]|,?{BLANK}{{1,3}})"  # between date and time of day
+_SHORT = "mo|di|mi|do|fr|sa|so"
+_DAYS = "mon|tue|wed|thu|fri|sat|sun|die|mit|don|fre|sam|son|lun|mar|mer|gio|ven|sab|dom|jeu|dim|mié|jue|vie|sáb"
+WEEKDAY = rf"(?:(?i:{_SHORT}|(?:{_DAYS}){LETTER}{{0,8}})[.,]{{0,2}} )?"  # by what it begins with, in five languages
 YEAR = r"(?:(?P<Y>\d{4})|(?P<y>\d{2}))"
 DAY_FIRST, MONTH_FIRST = "day/month/year", "month/day/year"  # one cell seldom tells them apart
 DATES = {
-    "ISO 8601": r"(?P<Y>\d{4})-(?P<m>\d{2})-(?P<d>\d{2})",
+    "ISO 8601": rf"{WEEKDAY}(?P<Y>\d{{4}})-(?P<m>\d{{2}})-(?P<d>\d{{2}})",
     "year/month/day": r"(?P<Y>\d{4})[/.](?P<m>\d{1,2})[/.](?P<d>\d{1,2})",
-    "day.month.year": rf"(?P<d>\d{{1,2}})\.(?P<m>\d{{1,2}})\.{YEAR}",
-    DAY_FIRST: rf"(?P<d>\d{{1,2}})[/-](?P<m>\d{{1,2}})[/-]{YEAR}",
+    "day.month.year": rf"{WEEKDAY}(?P<d>\d{{1,2}})\.(?P<m>\d{{1,2}})\.{YEAR}",
+    DAY_FIRST: rf"{WEEKDAY}(?P<d>\d{{1,2}})[/-](?P<m>\d{{1,2}})[/-]{YEAR}",
     "day month year": rf"{WEEKDAY}(?P<d>\d{{1,2}})[-./ ]{{1,2}}{MONTH}{LETTER}*[-./ ]{{1,2}}{YEAR}",
     "month day, year": rf"{WEEKDAY}{MONTH}{LETTER}*\.? {{1,2}}(?P<d>\d{{1,2}}),? (?P<Y>\d{{4}})",
     "'year-month-day": r"'(?P<y>\d{2})[-/](?P<m>\d{1,2})[-/](?P<d>\d{1,2})",
@@ -53,6 +56,10 @@ OFFSET = rf"\s?{ZONE}?"
 KNOWN = {says: rf"^{date}{GAP}{CLOCK}{OFFSET}$" for says, date in DATES.items()}
 KNOWN["month day time year"] = rf"^{WEEKDAY}{MONTH} {{1,2}}(?P<d>\d{{1,2}}) {CLOCK} (?:{ZONE} )?(?P<Y>\d{{4}})$"  # of C
 BASIC = r"(?P<Y>\d{4})(?P<m>\d{2})(?P<d>\d{2})[T _-]?(?P<H>\d{2})(?P<M>\d{2})(?P<S>\d{2})(?:[.,](?P<f>\d{1,9})\d*)?"
+KNOWN["ISO 8601 with other signs"] = (  # as names of files and DB2 have it
+    r"^(?P<Y>\d{4})[-_](?P<m>\d{2})[-_](?P<d>\d{2})[-_T ](?P<H>\d{2})[-_.h](?P<M>\d{2})[-_.m](?P<S>\d{2})"
+    r"(?:[-_.](?P<f>\d{1,9})\d*|s)?$"
+)
 KNOWN["ISO 8601 without its signs"] = f"^{BASIC}{OFFSET}$"
 OF_PARTS = rf"^{YEAR} (?P<m>\d{{1,2}}) (?P<d>\d{{1,2}}) (?P<H>\d{{1,2}}) (?P<M>\d{{1,2}})" + (
     r"(?: (?P<S>\d{1,2})(?:[.,](?P<f>\d{1,9})\d*)?)?$"  # cells of several columns
@@ -132,9 +139,11 @@ def both_formats(cell: str) -> tuple[str, str]:
     for name, (begin, end) in sorted(places, key=lambda place: place[1], reverse=True):
         form = f"{form[:begin]}%{'I' if name == 'H' and match['p'] else name}{form[end:]}"
     sign, rest = cell[match.end("d")], form[match.end("m") :]
+    weekday = re.sub(f"^{LETTER}+", "%a", cell[: match.start("d")])
+    other = f"%m{sign}%d{rest}"
     if int(match["d"]) > 12:
-        return f"%d{sign}%m{rest}", f"%y{sign}%m{sign}%d{rest.removeprefix(f'{sign}%y')}"
-    return f"%d{sign}%m{rest}", f"%m{sign}%d{rest}"
+        other = f"%y{sign}%m{sign}%d{rest.removeprefix(f'{sign}%y')}"
+    return f"{weekday}%d{sign}%m{rest}", f"{weekday}{other}"
 
 
 def is_stamp(cell: str) -> bool:
@@ -241,15 +250,16 @@ def _wall_ns(fields: dict[str, pa.Array], count: int) -> tuple[Ints, Flags]:
     possible = (year >= YEARS[0]) & (year <= YEARS[1]) & (month >= 1) & (month <= 12) & (day >= 1)
     months = np.where(possible, (year - 1970) * 12 + month - 1, 0).astype("M8[M]")
     days = months.astype("M8[D]") + (np.where(possible, day, 1) - 1).astype("m8[D]")
-    right = possible & (days.astype("M8[M]") == months) & (hour < 24) & (minute < 60) & (second < 60)
     clock = (hour * 3600 + minute * 60 + second) * SECOND_NS + _fraction_ns(fields.get("f"), count)
+    within = (clock <= DAY_NS) & (minute < 60) & (second < 60)  # 24:00:00 is the end of a day
+    right = possible & (days.astype("M8[M]") == months) & within
     return days.astype(np.int64) * DAY_NS + clock, right
 
 
 def _of_half(hour: Ints, half: pa.Array) -> Ints:
-    """The hour of the day, by "am", "pm" or "p. m." where `half` says one; 24, which is none, for 13 pm."""
+    """The hour of the day, by "am", "pm" or "p. m." where `half` says one; 25, which is none, for 13 pm."""
     said, pm = (flags.to_numpy(zero_copy_only=False) for flags in (pc.not_equal(half, ""), pc.starts_with(half, "p")))
-    return np.where(said, np.where(hour > 12, 24, hour % 12 + 12 * pm), hour)
+    return np.where(said, np.where(hour > 12, 25, hour % 12 + 12 * pm), hour)
 
 
 def _month(names: pa.Array) -> Ints:

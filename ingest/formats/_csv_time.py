@@ -39,6 +39,7 @@ from ingest.formats._csv_stamp_columns import (
     NO_RECORD,
     asked,
     column_fits,
+    in_headed_zone,
     in_named_zone,
     known_forms,
     of_cells,
@@ -63,8 +64,10 @@ from ingest.formats._csv_time_names import (
     base_and_unit,
     digits_of,
     is_date_name,
+    is_like_time,
     is_time_name,
     is_x,
+    unit_in_like,
     unit_of_time,
     words,
 )
@@ -105,7 +108,10 @@ def recognise_clock(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
         clock = _stated(time, time.column, dialect, log)
     else:
         clock = _found(time, dialect, log)
-    return in_named_zone(clock, dialect, log) if isinstance(clock, Stamped) else clock
+    if isinstance(clock, Stamped):
+        clock = clock if time.column else in_headed_zone(clock, dialect)
+        return in_named_zone(clock, dialect, log)
+    return clock
 
 
 def _stated(time: TimeSpec, column: str, dialect: Dialect, log: str) -> Clock:
@@ -172,7 +178,7 @@ def _found(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
     for column in [*named, *dialect.names]:
         if clock := _of_day(time, column, dialect):
             return clock
-    if clock := _rated(time, dialect) or _first_in_seconds(time, dialect):
+    if clock := _like_time(time, dialect) or _rated(time, dialect) or _first_in_seconds(time, dialect):
         return clock
     texts = [name for name in named if dialect.numeric[dialect.names.index(name)] is False]
     seen = next((cell for name in texts for cell in dialect.said(name)), None)
@@ -197,6 +203,20 @@ def _are_days(time: TimeSpec, column: str, dialect: Dialect) -> bool:
 def _is_rounded(said: Sequence[str]) -> bool:
     """Whether times are all written as powers of ten, and come again as they have too few digits for their size."""
     return len(set(said)) < len(said) and all(POWER_OF_TEN.fullmatch(cell) for cell in said)
+
+
+def _like_time(time: TimeSpec, dialect: Dialect) -> Clock | None:
+    """The clock of the first column of numbers that go on in each row, as seconds since 1970 need not, and whose name
+    may be that of a time."""
+    for column in filter(is_like_time, dialect.names):
+        steps = np.diff(dialect.numbers(column)) if dialect.is_number(column) else np.empty(0)
+        unit = dialect.units.get(column) or unit_in_like(column)
+        if len(steps) and (steps >= 0).all() and steps.any():
+            units = dialect.units | ({column: unit} if unit else {})
+            clock = _by_content(time, column, replace(dialect, units=units))
+            if clock and ((steps > 0).all() or clock.absolute):
+                return clock
+    return None
 
 
 def _first_in_seconds(time: TimeSpec, dialect: Dialect) -> Clock | None:
@@ -347,16 +367,18 @@ def _of_dates(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
 def _of_day(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
     """The clock of a column of times of day, with or without seconds, or of what is left of them within the hour, which
     nothing dates."""
-    said = dialect.said(column)
+    said, start, either = dialect.said(column), time.start_ns, ""
     kind = _kind_of_day(time.format, column, said, in_digits(column, dialect))
-    start = time.start_ns
-    return kind(says=kind.called, absolute=start is not None, columns=(column,), origin_ns=start or 0) if kind else None
+    if kind is None and said and seconds_of_minutes(said[0]) >= OfHour.turn_s:  # what counts begins below an hour
+        kind, either = (OfHour, "") if any(map(_is_late, dialect.all_said(column))) else (OfMinutes, said[0])
+    own: dict[str, Any] = {"absolute": start is not None, "columns": (column,), "origin_ns": start or 0}
+    return kind(says=kind.called, either=either, **own) if kind else None
 
 
 def _kind_of_day(form: str | None, column: str, said: Sequence[str], digits: bool) -> type[OfDay] | None:
     """What the cells of a column are of the day; None where they are none, or nothing tells: `02:07` is what `form`
     says, or the column's name; minutes and seconds where it has parts of a second, or as no hour is so late; hours and
-    minutes by `PM`, or as what counts from a start begins below one."""
+    minutes by `PM`."""
     if _most(seconds_of_day, said):
         return OfDay
     if digits:
@@ -366,10 +388,15 @@ def _kind_of_day(form: str | None, column: str, said: Sequence[str], digits: boo
     name = words(column)
     if form in WITHIN_DAY or "ss" in name or "hh" in name:
         return WITHIN_DAY.get(form or "") or (OfMinutes if "hh" in name else OfHour)
-    matches = [OF_HOUR.fullmatch(cell.strip()) for cell in said]
-    if any(match and (int(match["minutes"]) > 23 or not match["seconds"].isdecimal()) for match in matches):
+    if any(map(_is_late, said)):
         return OfHour
-    return OfMinutes if None in matches or seconds_of_minutes(said[0]) >= OfHour.turn_s else None
+    return OfMinutes if any(OF_HOUR.fullmatch(cell.strip()) is None for cell in said) else None
+
+
+def _is_late(cell: str) -> bool:
+    """Whether `38:20` or `02:07.5` are minutes and seconds: no day has such an hour, and no minute such parts."""
+    match = OF_HOUR.fullmatch(cell.strip())
+    return match is not None and (int(match["minutes"]) > 23 or not match["seconds"].isdecimal())
 
 
 def _most(seconds: Callable[[str], float], said: Sequence[str]) -> bool:

@@ -25,6 +25,18 @@ TIME_NAMES = frozenset(_TIMES.split())
 X_NAMES = frozenset(("x", "xaxis", "xachse", "xvalue", "xvalues", "xwert", "xwerte"))
 DATE_WORDS = frozenset(("date", "datetime", "datum", "data", "fecha"))
 ZONE_WORDS = frozenset(("tz", "timezone", "zeitzone"))
+LIKE_TIME = re.compile(
+    r"(?i)time|zeit|tiempo|tijd|elapsed|dauer\b|duration|sekunden|seconds|minuten|minutes|hours|stunden"
+    r"|\b(?:secs?|sek)(?:\b|_)|(?-i:\bt_?rel\b)|^second$|\bms$"
+)
+PART_OF_TIME = re.compile(
+    r"(?i)step|schritt|cycle|zyklus|\blap|delta|delay|dead|response|constant|konstant|rise|fall|settl|age?ing|alterung|dose|above"
+)
+LIKE_UNITS = {"sekunden": "s", "seconds": "s", "minuten": "min", "minutes": "min", "stunden": "h", "hours": "h"}
+ZONE_IN_NAME = re.compile(
+    r"(?:^|[\s_([])(?P<zone>(?:UTC|GMT)(?: ?[+-]\d{1,2}(?::?\d{2})?)?|[+-]\d{2}:\d{2}|CES?T|MES?Z"
+    r"|[A-Z]\w+/[A-Z]\w+)[)\]]?$"
+)
 _PARTS = (
     "year jahr anno année annee año ano yyyy yy",
     "month monat mese mois mes mm",
@@ -49,7 +61,7 @@ def digits_of(name: str) -> int:
     """Of the part of the second that a column with this name holds: 3 of `ms` and `Time(ms)`, 6 of `us`, 9 of `ns`; 0
     of others."""
     base, unit = base_and_unit(name)
-    said = unit if base in TIME_NAMES and unit else name
+    said = unit if (base in TIME_NAMES or base.endswith("stamp")) and unit else name
     return DIGITS.get(UNITS_NS.get(said.casefold(), 0.0), 0)
 
 
@@ -57,6 +69,18 @@ def is_time_name(name: str) -> bool:
     """Whether the name of a column says that it holds the time: `t` does, `T` alone is a temperature."""
     base = base_and_unit(name)[0]
     return base in TIME_NAMES or (base == "t" and name.startswith("t")) or CATMAN_TIME.match(name) is not None
+
+
+def is_like_time(name: str) -> bool:
+    """Whether the name of a column may be that of a time among others: `Messzeit`, `Test time`, `Seconds`; not that of
+    a step in it, of a delay, or of hours that something has aged."""
+    return bool(LIKE_TIME.search(name)) and not PART_OF_TIME.search(name)
+
+
+def unit_in_like(name: str) -> str | None:
+    """The unit that the name of such a column says: "s" of `Seconds`, "h" of `Betriebsstunden` and `Run time (h)`."""
+    last = (words(name) or [""])[-1]
+    return unit_of_time(last) or next((unit for ends, unit in LIKE_UNITS.items() if last.endswith(ends)), None)
 
 
 def is_x(name: str, dialect: Dialect, said: str | None = None) -> bool:
@@ -70,6 +94,13 @@ def is_x(name: str, dialect: Dialect, said: str | None = None) -> bool:
 def is_date_name(name: str) -> bool:
     """Whether the name of a column says that it holds a date."""
     return bool(DATE_WORDS.intersection(words(name)))
+
+
+def zone_in_name(name: str) -> str | None:
+    """The zone that the name of a column of stamps ends in: "UTC+1" of `Time (UTC+1)`, "Europe/Berlin", "CET"; None
+    where it ends in none."""
+    found = ZONE_IN_NAME.search(name)
+    return found["zone"].replace(" ", "") if found else None
 
 
 def is_zone_name(name: str) -> bool:

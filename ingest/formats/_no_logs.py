@@ -23,10 +23,10 @@ NO_LOGS: Mapping[bytes, str] = {
         "arrays of NumPy (NPZ). Export one with numpy.savetxt('log.csv', numpy.load(FILE)['name'], delimiter=',', "
         "header='t_s,...')"
     ),
-    rb"MATLAB 7\.\d MAT": "a MATLAB file of version 7.3. Save it with save(FILE, '-v7')",
+    rb"MATLAB 7\.\d MAT": "a MATLAB file of version 7.3. Save it, once loaded, with save(FILE, '-v7')",
     rb"\x89HDF": (
-        "an HDF5 file (of MATLAB 7.3: save(FILE, '-v7') there). Export the table as Parquet or CSV "
-        "(pandas: read_hdf(...).to_parquet)"
+        "an HDF5 file (of MATLAB 7.3: save(FILE, '-v7') there). Export the table as Parquet or CSV (pandas: "
+        "read_hdf(...).to_parquet, or DataFrame({'t_s': h5py.File(...)['t_s'][:], ...}).to_parquet)"
     ),
     rb"CDF[\x01\x02\x05]": "a netCDF file. Export it as Parquet (xarray: open_dataset(...).to_dataframe().to_parquet)",
     rb"\x93NUMPY": "an array of NumPy. Export it with numpy.savetxt('log.csv', a, delimiter=',', header='t_s,...')",
@@ -53,10 +53,16 @@ NO_LOGS: Mapping[bytes, str] = {
         "a VBO file of a VBOX, whose times are hours, minutes and seconds in one number. Export it as CSV in VBOX Test "
         "Suite"
     ),
-    rb"\*{3}BUSMASTER Ver": "a log of BUSMASTER. Save it as ASC there (File, Format Converters, Log to ASC)",
     rb".{0,3000}?Channel, *ID, *Flags, *DLC, *D0": (
         "a log of CAN frames in CSV as Kvaser's tools write it. Export it as ASC, BLF or MF4 (Memorator Config Tool)"
     ),
+    rb"\s*Kvaser Memorator Log": (
+        "a log of CAN frames in text as Kvaser's tools write it. Export it as ASC, BLF or MF4 (Memorator Config Tool)"
+    ),
+    rb".{0,3000}?Abs Time ?\(Sec\),[^\n]{0,300}?Arb ID,": (
+        "a buffer of CAN frames in CSV as Vehicle Spy writes it. Save it as ASC there"
+    ),
+    rb"\s*\w+  [0-9A-F]{3,8}   ?\[\d{1,2}\] ": "a list of CAN frames without times. Record them with candump -l",
     rb"[^\s,=]{1,99}(?:,[^\s=]+=\S+)? \w+=\S+ \d{16,19}\r?\n": (
         "line protocol of InfluxDB. Export it as CSV (influx query --raw)"
     ),
@@ -93,7 +99,7 @@ BY_NAME: Mapping[str, str] = {
     **dict.fromkeys((".mem", ".hok"), "In the logger utility of Hioki save it as CSV"),
     **dict.fromkeys((".wdf", ".wvf"), "In Xviewer of Yokogawa convert it to CSV"),
     **dict.fromkeys((".gev", ".gds", ".gse"), "In Universal Viewer of Yokogawa convert it to ASCII"),
-    ".vsb": "In Vehicle Spy save the buffer as ASC or CSV",
+    ".vsb": "In Vehicle Spy save the buffer as ASC",
     ".wfm": "On the oscilloscope save it as CSV",
     ".lz4": "Unpack it first (lz4 -d)",
 }

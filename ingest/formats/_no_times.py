@@ -13,6 +13,9 @@ WITH_TIMES: Mapping[str, str] = {
     r"^HBM_CATMAN": "In catman export it with its time channel.",
     r"^ETASAsciiItemFile": "In MDA of ETAS export it with its time channel, or as MDF.",
     r"^Data info": "In DewesoftX export it with its times, or as MDF4 (Analyse, Export).",
+    r"^(?:TraceName|BlockNumber)\b": (
+        "Of a Yokogawa DL scope one block at one rate is read: convert each to a CSV of its own in Xviewer."
+    ),
     r"^Store No\.?$": "Let the power analyser store date and time with each row.",
 }
 NO_WHOLE_TIME = re.compile(r"\d{1,3}:\d\d")

@@ -21,6 +21,7 @@ COMMON = tuple(map(PurePosixPath, (".", "_rels", "xl", "xl/_rels")))  # folders 
 NOT_NEEDED = "xl/calcChain.xml"  # order of formulas, long in large sheets
 HEAD = re.compile(rb"<((?:\w+:)?)sheetData(?: [^>]*[^/>])?>")
 NUMBERED = re.compile(rb'<(?:\w+:)?(?:row|c) [^>]*\br="')  # a row or cell that says where it stands
+OF_1904 = re.compile(rb"""<(?:\w+:)?workbookPr [^>]*\bdate1904\s*=\s*["'](?:1|true)["']""")
 ROW = re.compile(rb"<(?:\w+:)?row\b")
 
 Row = Sequence[Any]
@@ -28,7 +29,8 @@ Row = Sequence[Any]
 
 @dataclass
 class Workbook:
-    """A workbook; `names` of its sheets, hidden ones last.
+    """A workbook; `names` of its sheets, hidden ones last; `of_1904`: its days count from 1904-01-01, as Excel of a Mac
+    counted them.
 
     Raises what zipfile, ElementTree and the library raise of a damaged one.
     """
@@ -36,6 +38,7 @@ class Workbook:
     path: Path
     library: Any
     names: list[str] = field(init=False)
+    of_1904: bool = field(init=False)
     _common: dict[str, bytes] = field(init=False)  # files in the workbook that all its sheets need
     _places: dict[str, str] = field(init=False)  # name of a sheet -> its file in the workbook
 
@@ -48,6 +51,7 @@ class Workbook:
             needed = (name for name in packed.namelist() if PurePosixPath(name).parent in COMMON and name != NOT_NEEDED)
             self._common = {name: packed.read(name) for name in needed}
         self._places = _places(self._common) if BOOK in self._common else {}
+        self.of_1904 = bool(OF_1904.search(self._common.get(BOOK, b"")))
 
     def rows(self, name: str) -> Iterator[Row]:
         """The rows of a sheet from row 1 to the last with a cell."""

@@ -1,15 +1,16 @@
 """CSV: tables of text, packed with gzip or not.
 
-Delimiter, decimal sign, encoding (UTF-8, UTF-16, else cp1252), a row of units and the time are recognised
-from the first 200 rows and stored in `settings`; so are lines that a logger wrote above the header. Dates such as
-5/6/2025 have their order from a day above 12 anywhere in the table. A line is a row: a quoted cell does not go on in
-the next, but for names in the header. Blank lines, comments (`#`) and the header again are no rows. `columns` are those
-of the header without the one (or several: date, time of day, milliseconds) that holds the time; an empty name becomes
-`column_<place>`, a second `T` becomes `T_2` (`settings["renamed"]`). A row with too few or too many fields, with text
-where its column holds numbers, or without a time is rejected; a row whose time goes back is kept and counted. In a
-local zone, the hour that comes twice in autumn counts as the first until its stamps go back, then as the second
-(`settings["ambiguous_rows"]`), and a time in the hour that spring leaves out is none. A long table, columns of times
-side by side, and another table below the first are series with their own stamps (`settings["series"]`).
+Delimiter, decimal sign, encoding (UTF-8, UTF-16, else cp1252), a row of units and the time are recognised from the
+first 200 rows and stored in `settings`; so are lines that a logger wrote above the header. Dates such as 5/6/2025 have
+their order from a day above 12 anywhere in the table. A line is a row: a quoted cell does not go on in the next, but
+for names in the header. Blank lines, comments (`#`), statistics below the table, delimiters alone and the header again
+are no rows. `columns` are those of the header without the one (or several: date, time of day, milliseconds) that holds
+the time; an empty name becomes `column_<place>`, a second `T` becomes `T_2` (`settings["renamed"]`). A row with too few
+or too many fields, with text where its column holds numbers, or without a time is rejected; a row whose time goes back
+is kept and counted. In a local zone, the hour that comes twice in autumn counts as the first until its stamps go back,
+then as the second (`settings["ambiguous_rows"]`), and a time in the hour that spring leaves out is none. A long table,
+columns of times side by side, and another table below the first are series with their own stamps
+(`settings["series"]`).
 """
 
 from __future__ import annotations
@@ -27,8 +28,10 @@ from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import SERIES, SHOWN, Log, Rejected, Rows
+from ingest.formats._csv_begun import begun, says_start
 from ingest.formats._csv_clocks import Clock
 from ingest.formats._csv_dialect import (
+    BLANKS,
     SAMPLE_ROWS,
     Dialect,
     cells,
@@ -39,6 +42,7 @@ from ingest.formats._csv_dialect import (
 )
 from ingest.formats._csv_labels import labels_aside
 from ingest.formats._csv_lines import LineReader, Lines
+from ingest.formats._csv_no_rows import is_row, no_rows
 from ingest.formats._csv_numbers import MISSING, OTHER, Numerals
 from ingest.formats._csv_series import TimedColumns, series_of
 from ingest.formats._csv_stamp_columns import times_of
@@ -50,8 +54,7 @@ from ingest.formats._text import TextFile, decoded, place_of
 NUMBER_AND_UNIT = re.compile(  # or a sign behind it: 1.5-, 20 ± 0.5
     r"[+-]?\d[\d.,]* ?[^\W\d]{1,4}|[+-]?\d[\d.,]* [^\s\d]{1,6}|[+-]?\d[\d.,]*(?:[-*°%]| ?± ?[\d.,]+)"
 )
-RUNTIME = ('"$RT_', "$RT_")  # marks of Siemens' operator panels: switched on or off, or how many lines there are
-TYPES_LINE = re.compile(r'(?:"?[fiu][1248]"?[\t;, ]*)+\r?')  # of columns, as ETAS writes them
+LATE_DECIMAL = rb"[+-]?(?:\d+,(?:\d{1,2}|\d{4,})|0,\d+|\d+,\d+[eE][+-]?\d+)"
 NUMBER_BEGINS = frozenset("0123456789+-.")
 MINUS = "\u2212"  # the sign that typesetters write for it
 ABOVE = 20  # lines above the header that are kept as they stand
@@ -63,6 +66,7 @@ class CsvLog(Log):
 
     line: ClassVar[str] = "line"  # what one row of the table is called
     unsaid: ClassVar[tuple[str, ...]] = ()  # settings of a text that such a file does not have
+    no_row: ClassVar[str] = ""  # as in `LineReader`
     _dialect: Dialect = field(init=False)
     _clock: Clock = field(init=False)
     _series: Sequence[TimedColumns] = ()
@@ -126,7 +130,7 @@ class CsvLog(Log):
         """Recognise the table from its first lines; the number of lines before its first row."""
         above = self.time.skip_rows
         shown = lines[above : above + 2 * SAMPLE_ROWS]
-        written = [place for place, line in enumerate(shown, above) if _is_row(line)]
+        written = [place for place, line in enumerate(shown, above) if is_row(line)]
         if above and not written:
             raise UnreadableLogError(
                 f"{self.path.name}: has no line below the {above:,} that skip_rows under [time] of the bench file "
@@ -140,9 +144,12 @@ class CsvLog(Log):
             )
         begin = written[len(dialect.lines_above) + dialect.units_row] + 1
         comments = (line for line in lines[:begin] if line[:1] == "#")
-        self._heads = frozenset((lines[written[len(dialect.lines_above)]], lines[begin - 1], *comments))
+        over = (line for line in dialect.lines_above if line[:1] not in NUMBER_BEGINS)  # 1;2;3 may be a row as well
+        self._heads = frozenset((lines[written[len(dialect.lines_above)]], lines[begin - 1], *over, *comments))
+        if "decimal" not in self.unsaid and not dialect.shows_decimals() and self._has_commas(dialect.delimiter):
+            dialect = replace(dialect, numerals=Numerals(","))
         dialect = replace(dialect, rows=lambda: self._all_rows(begin, dialect.delimiter))
-        self._take(dialect, recognise_clock(self.time, dialect, self.path.name))
+        self._take(dialect, self._dated(recognise_clock(self.time, dialect, self.path.name), dialect))
         if self._clock.columns:
             self._long = recognise_long(dialect, self._clock.columns, times_of(self._clock, dialect))
         self.absolute = self._clock.absolute
@@ -163,6 +170,15 @@ class CsvLog(Log):
         if dialect.renamed:
             self.settings["renamed"] = dialect.renamed
         return begin
+
+    def _dated(self, clock: Clock, dialect: Dialect) -> Clock:
+        """The clock, from the start that a line above the table says, where nothing else dates it."""
+        start = None if clock.absolute or self.time.untimed else begun(self.time, clock, dialect)
+        if start is None:
+            return clock
+        self.settings["begun"] = start.line[:SHOWN]
+        self.time = replace(self.time, start_ns=start.start_ns)
+        return recognise_clock(self.time, dialect, self.path.name)
 
     def _take(self, dialect: Dialect, clock: Clock) -> None:
         """Let the rows to come be of this table."""
@@ -212,6 +228,13 @@ class CsvLog(Log):
         """The digits behind the decimal sign of a cell, and that sign."""
         return len("".join(cell.partition(self._dialect.numerals.decimal)[1:]))
 
+    def _has_commas(self, delimiter: str) -> bool:
+        """Whether a cell anywhere in the file is a number with a comma that stands between no thousands: the first rows
+        may all be whole."""
+        ends = re.escape(delimiter.encode()) if delimiter != BLANKS else rb" \t"
+        number = re.compile(rb'(?m)(?:^|[%b])[ "]*(?:%b)[ "]*(?:$|[%b\r])' % (ends, LATE_DECIMAL, ends))
+        return delimiter != "," and any(number.search(block) for block in self._text().blocks())
+
     def _all_rows(self, begin: int, delimiter: str) -> Iterator[list[str]]:
         """Every line of the file from line `begin` on, cell by cell."""
         for block in self._text().blocks():
@@ -230,16 +253,22 @@ class CsvLog(Log):
             self._lines += end
             lines = lines[end:]
             if lines:
-                begin = self._begin_another(lines)
+                begin = self._begin_again(lines) if self._says_start(lines[0]) else self._begin_another(lines)
                 self._lines += begin
                 lines = lines[begin:]
 
     def _end(self, lines: Sequence[str], odd: Sequence[int]) -> int:
         """Where the table ends, by its lines: where one of the `odd` ones is the header of another."""
         for place in odd if self._long is None else ():
+            if self._says_start(lines[place]):
+                return place
             if self._has_other_units(lines, place) if lines[place] in self._heads else self._is_header(lines, place):
                 return place
         return len(lines)
+
+    def _says_start(self, line: str) -> bool:
+        """Whether a logger whose rows count from a start wrote another one."""
+        return "begun" in self.settings and says_start(line, self._dialect.delimiter)
 
     def _is_header(self, lines: Sequence[str], place: int) -> bool:
         return is_header(lines[place : place + BELOW], self._dialect.delimiter)
@@ -257,11 +286,26 @@ class CsvLog(Log):
         same = before[1] == text and (unit is None or before[0] in (None, unit))
         return name if same else self._new_name(f"{name}_{len(self._columns) + 1}", unit, text)
 
+    def _begin_again(self, lines: Sequence[str]) -> int:
+        """Let the rows to come count from the start that their logger wrote above them as it was started anew; the
+        number of lines before the first of them."""
+        first = next((place for place, line in enumerate(lines) if line[:1] in NUMBER_BEGINS), len(lines))
+        row = [cell.strip() for line in lines[first : first + 1] for cell in cells(line, self._dialect.delimiter)]
+        sample = (tuple(row),) if len(row) == len(self._dialect.names) else ()
+        dialect = replace(self._dialect, lines_above=tuple(lines[:first]), sample=sample)
+        if start := begun(self.time, self._clock.counting_from(0, 0), dialect):
+            self._series = [
+                replace(one, clock=one.clock.counting_from(start.start_ns, self.found)) for one in self._series
+            ]
+            self._clock = self._series[0].clock
+        self._left += first
+        return first
+
     def _begin_another(self, lines: Sequence[str]) -> int:
         """Recognise another table below the first, whose columns join those of the first where they have its name; the
         number of lines before its first row. Raises UnreadableLogError."""
         where, first = f"{self.line} {self._lines + 1:,}", self._clock.absolute
-        written = [place for place, line in enumerate(lines[: 2 * SAMPLE_ROWS]) if _is_row(line)]
+        written = [place for place, line in enumerate(lines[: 2 * SAMPLE_ROWS]) if is_row(line)]
         try:
             dialect = recognise_dialect(first_table([lines[place] for place in written]), self.path.name)
             dialect = replace(dialect, rows=lambda: [cells(line, dialect.delimiter) for line in lines])
@@ -283,13 +327,15 @@ class CsvLog(Log):
         """The rows of consecutive lines of one table; `odd`: places of those that do not begin with a number. `cut`:
         the last line is not whole."""
         written = np.array([line.strip(" \r") != "" for line in lines], bool)
-        no_rows = self._no_rows(lines, odd)
-        written[no_rows] = False
-        self._left += len(no_rows)
+        text_first = not (self._numeric[0] or self._dialect.names[0] in self._clock.columns)
+        empty = bool(self._clock.columns) and "delimiter" not in self.unsaid  # without times each counts as one
+        left = no_rows(lines, odd, self._dialect, self._heads, empty=empty, text_first=text_first)
+        written[left] = False
+        self._left += len(left)
         bad: dict[int, tuple[str, str]] = {}
-        if cut and lines and _is_row(lines[-1]):
+        if cut and lines and is_row(lines[-1]):
             bad[len(lines) - 1] = ("", "the file ends inside it")
-        reader = LineReader(self._dialect, self._numeric)
+        reader = LineReader(self._dialect, self._numeric, self.no_row)
         part = reader.read(lines, [place for place in np.flatnonzero(written).tolist() if place not in bad], bad)
         there = self._there(part)
         records = written.astype(np.int64)  # of each line: a row of several series is one of each that it says
@@ -343,16 +389,6 @@ class CsvLog(Log):
                 yield rows
             record = record + here
 
-    def _no_rows(self, lines: list[str], odd: Sequence[int]) -> list[int]:
-        """Places of comments, and of the header again, which loggers write when they are started anew."""
-        width = len(self._dialect.names)
-        found = [place for place in odd if lines[place].startswith(RUNTIME) or TYPES_LINE.fullmatch(lines[place])]
-        marked = [place for place in odd if lines[place][:1] == "#"]
-        found += [place for place in marked if len(cells(lines[place], self._dialect.delimiter)) != width]
-        if any(head in lines for head in self._heads):
-            found += [place for place, line in enumerate(lines) if line in self._heads]
-        return found
-
     def _place_of(self, line: NDArray[np.int64], i: int) -> str:
         """Where the i-th of some lines (N,) of the lines to come stands in the file."""
         return self._place(self._lines + int(line[i]) + 1)
@@ -393,17 +429,12 @@ def no_table(path: Path) -> str | None:
     block = next(TextFile(path).blocks(), b"")
     text = block.decode("utf-8-sig", errors="replace").replace("\r\n", "\n").lstrip("\0")
     lines = _with_header(text.split("\n"))
-    return no_table_of([line for line in lines if _is_row(line)][: 2 * SAMPLE_ROWS], path.name)
+    return no_table_of([line for line in lines if is_row(line)][: 2 * SAMPLE_ROWS], path.name)
 
 
 def _with_header(lines: list[str]) -> list[str]:
     """The first lines of a file with a header in one line."""
     return labels_aside(header_in_one_line(lines))
-
-
-def _is_row(line: str) -> bool:
-    """Whether a line is a row: a blank one is not, nor one of types; one of tabs alone is a row of empty cells."""
-    return line.strip(" \r") != "" and not TYPES_LINE.fullmatch(line)
 
 
 def _before_a_header(lines: Sequence[str], begin: int) -> int:

@@ -89,6 +89,7 @@ class JsonLinesLog(CsvLog):
     """A table of objects, read from front to back in bounded memory."""
 
     unsaid = ("delimiter", "decimal", "units_row")
+    no_row = "is no JSON object, or an empty one"
     _lines: int = -1  # that were read: the line of names is none of the file
     _objects: _ObjectText = field(init=False)
 

@@ -214,10 +214,12 @@ class TdmsLog(JoinedTables):
             clock = stated if stated in own else next((one for one in own if is_time(one)), None)
             clock = clock or next((one for one in own if _is_clock(one)), None)
             by_clock = self._clocked(clock, origin) if clock is not None else None
+            waves = {(wave, len(one)) for one in own if (wave := self._waveform(one, origin))}
             for channel in own:
                 by_clock_alone = clock is not None and (clock is channel or clock is stated)
                 base = None if by_clock_alone else self._waveform(channel, origin)
-                found.setdefault(base or by_clock or _Untimed(group), []).append(channel)
+                beside = [wave for wave, length in waves if len(waves) == 1 and length == len(channel)]
+                found.setdefault(base or by_clock or next(iter(beside), _Untimed(group)), []).append(channel)
         if all(isinstance(base, _Untimed) for base in found):
             raise UnreadableLogError(
                 f"{self.path.name}: no channel says its time (wf_increment), and none holds it. Under [time] of the "

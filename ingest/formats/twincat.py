@@ -22,7 +22,6 @@ TIME, UNIT_OF_TIME = "Time", "ms"
 NAME, SYMBOL, UNIT, START = "Name", "SymbolName", "Unit", "Starttime of export"
 SINCE_1601_NS = utc_ns(EPOCH.replace(year=1601))
 TICK_NS = 100
-END = "EOF"
 IN_BRACKETS = re.compile(r" ?\([^()]*\)$")  # (None), V (Voltage)
 BLANK = re.compile(rb"(?m)(^|[\t;,|]) (?=[\t;,|\r\n])")  # in place of a sample of a channel that has no more
 
@@ -101,10 +100,6 @@ class ScopeLog(CsvLog):
         }
         self.settings["above_header"] = [line.strip()[:SHOWN] for line in self._file.above if line.strip()][:ABOVE]
         return begin
-
-    def _no_rows(self, lines: list[str], odd: Sequence[int]) -> list[int]:
-        """Also the last line, where it says that it is one."""
-        return [*super()._no_rows(lines, odd), *(place for place in odd if lines[place].strip() == END)]
 
 
 reader = ScopeLog

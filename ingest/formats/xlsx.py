@@ -11,15 +11,17 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import date, datetime, time, timedelta
 from itertools import islice, zip_longest
 from typing import Any
 
 from ingest.errors import UnreadableLogError, not_installed
 from ingest.formats import Rows, _csv_numbers, most_unpacked
-from ingest.formats._csv_dialect import SAMPLE_ROWS, no_table_of
+from ingest.formats._csv_clocks import Clock, Serial
+from ingest.formats._csv_dialect import SAMPLE_ROWS, Dialect, no_table_of
 from ingest.formats._csv_numbers import Numerals
+from ingest.formats._csv_time import ORIGIN_1904_NS, SERIAL_NS
 from ingest.formats._csv_time_names import is_time_name
 from ingest.formats._text import TextFile
 from ingest.formats._xlsx_sheets import Row, Workbook
@@ -98,6 +100,13 @@ class XlsxLog(CsvLog):
     def _place(self, line: int) -> str:
         """The row of the sheet: its cells are packed, and written elsewhere in the file."""
         return f'{self.line} {line:,} of sheet "{self.settings["sheet"]}"'
+
+    def _take(self, dialect: Dialect, clock: Clock) -> None:
+        """As it is, with days that count from 1904 where those of the workbook do; its cells of dates are right."""
+        if self._book.of_1904 and isinstance(clock, Serial) and clock.origin_ns == SERIAL_NS:
+            says = clock.says.replace("1899-12-30", "1904-01-01")
+            clock = replace(clock, says=says, origin_ns=ORIGIN_1904_NS)
+        super()._take(dialect, clock)
 
     def batches(self) -> Iterator[Rows]:
         """Rows in the order of the sheet. Raises UnreadableLogError where it holds no table, or python-calamine is

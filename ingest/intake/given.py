@@ -134,7 +134,8 @@ def _no_log(path: Path) -> str | None:
         if recognise(path) == ANY_TEXT and (why := no_table(path)):
             if is_database(path):
                 return f"{kept_name(path)}: describes signals of a bus: give it with --dbc."
-            what = f": {why}" if path.suffix.lower() in TABLES else "."
+            named = path.suffix.lower() in TABLES or why.startswith("line 1 holds numbers")  # and no prose
+            what = f": {why}" if named else "."
             return f"{kept_name(path)}: is a text without a table{what}"
     except UnreadableLogError as error:
         return str(error)

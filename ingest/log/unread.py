@@ -1,4 +1,4 @@
-"""What of a log was not read as numbers, though it may hold some: kept as facts, so that nobody misses it unsaid."""
+"""What of a log was not read as numbers, or may be read otherwise: kept as facts, so that nobody misses it unsaid."""
 
 from __future__ import annotations
 
@@ -7,16 +7,21 @@ from typing import Any
 
 from ingest.facts.events import QualityFlagged
 
-SHEETS, TEXTS = "sheets_unread", "numbers_as_text"
+SHEETS, TEXTS, TIMES = "sheets_unread", "numbers_as_text", "time_either"
 
 
 def findings(name: str, settings: Mapping[str, Any]) -> list[QualityFlagged]:
-    """A flag of the file `name` for each: further sheets of a workbook, and columns whose cells say more
-    than a number, or one that may be two."""
+    """A flag of the file `name` for each: further sheets of a workbook, columns whose cells say more than a number, or
+    one that may be two, and times that may be others."""
     told = {}
     if others := settings.get("other_sheets"):
         told[SHEETS] = f"sheet {settings['sheet']} was read, and not {', '.join(others)} ([time] sheet tells another)"
     if cells := settings.get("numbers_with_units"):
         said = ", ".join(f'{column} ("{cell}")' for column, cell in cells.items())
         told[TEXTS] = f"read as text and not as numbers: {said}: export it as plain numbers"
+    if cell := settings.get("time_either"):
+        told[TIMES] = (
+            f'"{cell}" in {settings["time_column"]} is read as hours and minutes; if it is minutes and seconds, say '
+            'format = "%M:%S" under [time] of the bench file'
+        )
     return [QualityFlagged(flag=flag, says=f"{name}: {says}", detail={"file": name}) for flag, says in told.items()]

@@ -14,7 +14,7 @@ from typing import Any
 
 # canonical text -> (what pint calls it, other texts). Degrees are converted here, exactly.
 _UNITS: Mapping[str, tuple[str, str]] = {
-    "degC": ("degC", "°C|deg C|deg_C|C|Grad C|GradC|Celsius|degree_Celsius|degrees Celsius|Cel|Â°C"),
+    "degC": ("degC", "°C|deg C|deg_C|C|Grad C|GradC|Grad Celsius|Celsius|degree_Celsius|degrees Celsius|Cel|Â°C"),
     "K": ("K", "kelvin|degK|deg K|°K"),
     "degF": ("degF", "°F|deg F|deg_F|Fahrenheit|degree_Fahrenheit"),
     "rpm": ("rpm", "1/min|min-1|min^-1|/min|U/min|Umin|Upm|rev/min|r/min|tr/min|tr/mn|giri/min|umdr/min|rot/min"),
@@ -27,8 +27,8 @@ _UNITS: Mapping[str, tuple[str, str]] = {
     "mNm": ("mN*m", "mN m|mN.m|mN·m|mN*m"),
     "lbf ft": ("lbf*ft", "lb ft|lb-ft|ft lb|ft-lb|lbf*ft|ft lbf|ft*lbf|lbft|ftlb|lbf-ft|ft-lbf|lbf.ft"),
     "lbf in": ("lbf*inch", "lb in|lb-in|in lb|in-lb|lbf-in|in-lbf|lbf*in|lbf.in|lbin|inlb"),
-    "A": ("A", "amp|amps|ampere|amperes"),
-    "V": ("V", "volt|volts"),
+    "A": ("A", "amp|amps|ampere|amperes|A DC|A_DC|A AC|A_AC"),
+    "V": ("V", "volt|volts|VDC|V DC|V_DC|VAC|V AC|V_AC"),
     "W": ("W", "watt|watts"),
     "hp": ("hp", "HP"),
     "PS": ("metric_horsepower", "CV"),

@@ -53,7 +53,7 @@ def write(path: Path, rows: SessionRows, excel: str | None = None) -> None:
 
 def _lines(rows: SessionRows, country: Country) -> Iterator[Sequence[str]]:
     stamped = ["time_utc"] if rows.absolute else []
-    yield [*stamped, "t_s", *(_cell(column.title, country) for column in rows.columns)]
+    yield [*stamped, "t_s", *(_cell(title, country) for title in rows.titles)]
     for t_ns, values in rows.parts:
         columns = [[country.stamp(text) for text in utc(t_ns)]] if rows.absolute else []
         numbers = [rows.seconds(t_ns), *values.T]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -14,12 +15,15 @@ from ingest.catalogue.channels import MOST_VALUES, ChannelData, load, load_withi
 from ingest.catalogue.decoded import DecodedFile, decoded_file
 from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
+from ingest.texts.names import each_once
 from ingest.texts.quantities import STORED_UNIT
+from ingest.texts.units import normal_unit
 from replay.errors import ExportError
 
 if TYPE_CHECKING:
     from ingest.facts.store import Store
 
+UNIT_AT_END = re.compile(r"(?<=\S)[ _]*[\[(]([^\[\]()]+)[\])]\s*$")
 PART_VALUES = 200_000  # about so many a part
 
 Span = tuple[int, int]  # [ns], the end left out
@@ -40,8 +44,11 @@ class OutColumn:
 
     @property
     def title(self) -> str:
-        """`TC_winding [degC]`."""
-        return f"{self.name} [{self.unit}]" if self.unit else self.name
+        """`TC_winding [degC]`; the unit that a name of the log ends in gives way to that of the values."""
+        if not self.unit:
+            return self.name
+        own = UNIT_AT_END.search(self.name)
+        return f"{self.name[: own.start()] if own and normal_unit(own[1]) else self.name} [{self.unit}]"
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +62,11 @@ class SessionRows:
     columns: Sequence[OutColumn]
     unnamed: Sequence[str]  # signals of its logs that its bench file does not name: they are left out
     parts: Iterator[Part]
+
+    @property
+    def titles(self) -> tuple[str, ...]:
+        """Of its columns, each once."""
+        return each_once([one.title for one in self.columns])
 
     def seconds(self, t_ns: Stamps) -> Values:
         """Since the session's start [s]."""

@@ -48,7 +48,7 @@ def write(path: Path, rows: SessionRows) -> None:
 
 
 def _titles(rows: SessionRows) -> Iterator[str]:
-    names = [*(["time_utc"] if rows.absolute else []), "t_s", *(one.title for one in rows.columns)]
+    names = [*(["time_utc"] if rows.absolute else []), "t_s", *rows.titles]
     return (f'<c t="inlineStr"><is><t xml:space="preserve">{escape(plain_line(name))}</t></is></c>' for name in names)
 
 

@@ -71,6 +71,16 @@ def write_css_csv(path: Path, records: Sequence[Record]) -> None:
     path.write_text("TimestampEpoch;BusChannel;ID;IDE;DLC;DataLength;Dir;EDL;BRS;DataBytes\n" + "".join(rows))
 
 
+def write_busmaster(path: Path, records: Sequence[Record]) -> None:
+    head = f"***BUSMASTER Ver 3.2.2***\n***START DATE AND TIME {utc(0):%d:%m:%Y %H:%M:%S}:0***\n***HEX***\n"
+    times = ((divmod(round(t_s * 1e4), 10_000), value) for t_s, value in records)
+    rows = (
+        f"{s // 3600}:{s // 60 % 60:02d}:{s % 60:02d}:{part:04d} Rx 1 0x200 s 8 {payload(value).hex(' ')}\n"
+        for (s, part), value in times
+    )
+    path.write_text(head + "***ABSOLUTE MODE***\n" + "".join(rows))
+
+
 def write_mf4(path: Path, records: Sequence[Record]) -> None:
     """With stamps of 64 bits, as 32 hold microseconds for an hour."""
     file = mf4.Mf4()
@@ -235,6 +245,7 @@ WRITERS: dict[str, Callable[[Path, Sequence[Record]], None]] = {
     "gvret": write_gvret,
     "can_csv": by_python_can(can.CSVWriter),
     "css_csv": write_css_csv,
+    "busmaster": write_busmaster,
     "mf4": write_mf4,
     "mdf": write_mdf,
     "mdf3": write_mdf3,

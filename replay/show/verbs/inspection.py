@@ -99,8 +99,12 @@ def _file_lines(one: InspectedFile) -> list[str]:
         lines.append(f"  begins with {count:,} bytes of 0: what stood there is lost; copy the file again")
     if "header_line" in reading.settings:
         lines.append(f"  its header is line {reading.settings['header_line']:,}")
+    if begun := reading.settings.get("begun"):
+        lines.append(f'  its times count from what stands above it: "{begun}"')
     if count := reading.settings.get("lines_of_no_row"):
-        lines.append(f"  {counted(count, 'line')} below its header: comments, or the header again")
+        lines.append(
+            f"  {counted(count, 'line')} below its header: comments, empty ones, statistics, or the header again"
+        )
     if reading.settings.get("counter_wraps"):
         lines.append("  its counter of 32 bits began anew, and is read on")
     if "rows a second, as" in str(reading.settings.get("time")):

@@ -195,17 +195,56 @@ def test_columns_of_every_type_are_numbers_or_texts_or_left_out(tmp_path: Path) 
         "category": pa.array(["x", None]).dictionary_encode(),
         "stamp": [MARCH, None],
         "list": [[1, 2], []],
-        "struct": [{"a": 1}, None],
         "bytes": [b"a", None],
     }
     write_arrow(pa.table(kinds), tmp_path / "log")
     log, _, columns = read(tmp_path / "log", TimeSpec(column="time", unit="s"))
-    assert log.settings["left_out"] == ["list", "struct", "bytes"]
+    assert log.settings["left_out"] == ["list", "bytes"]
     numbers = {"small": 1.0, "large": 2.0**40, "single": 0.5, "exact": 1.25, "truth": 1.0, "since": 1.5, "label": 7.0}
     assert {name: columns[name][0] for name in numbers} == numbers
     assert all(np.isnan(columns[name][1]) for name in (*numbers, "null") if name not in ("large", "label"))
     texts = {"text": ["on", ""], "view": ["a", ""], "category": ["x", ""], "stamp": ["2024-03-01 08:00:00.000000Z", ""]}
     assert {name: columns[name] for name in texts} == texts
+
+
+@each_writer
+def test_parts_of_structures_and_of_lists_of_one_length_are_columns(
+    tmp_path: Path, write: Callable[[pa.Table, Path], None]
+) -> None:
+    kelvin = pa.field("T", pa.float64(), metadata={"unit": "K"})
+    motor = pa.struct([kelvin, pa.field("phase", pa.struct([("u", pa.float64())]))])
+    rows = [{"T": 300.0, "phase": {"u": 1.0}}, None, {"T": None, "phase": None}]
+    three = pa.list_(pa.float64(), 3)
+    table = pa.table(
+        {
+            "time": [0.0, 1.0, 2.0],
+            "motor": pa.array(rows, motor),
+            "I": pa.array([[1.0, 2.0, None], None, [3.0, 4.0, 5.0]], three),
+            "long": pa.array([[0.0] * 65] * 3, pa.list_(pa.float64(), 65)),
+        }
+    )
+    write(table, tmp_path / "log")
+    log, _, columns = read(tmp_path / "log")
+    nan = np.nan
+    want = {"motor.T": [300, nan, nan], "motor.phase.u": [1, nan, nan]}
+    want |= {"I.0": [1, nan, 3], "I.1": [2, nan, 4], "I.2": [nan, nan, 5]}
+    assert list(columns) == list(want) and log.settings["left_out"] == ["long"]
+    for name, values in want.items():
+        np.testing.assert_array_equal(columns[name], values)
+    assert log.units == {"motor.T": "K"}
+
+
+def test_what_would_be_more_columns_than_a_log_has_is_left_out_whole(tmp_path: Path) -> None:
+    matrix = pa.FixedSizeListArray.from_arrays(pa.FixedSizeListArray.from_arrays(pa.array(np.zeros(64**2)), 64), 64)
+    deep: pa.Array = pa.array([1.0])
+    for _ in range(20):
+        deep = pa.StructArray.from_arrays([deep], ["a"])
+    table = pa.table(
+        {"time": [0.0], "T": [20.0], "matrix": matrix, "deep": deep, "none": pa.array([{}], pa.struct([]))}
+    )
+    write_arrow(table, tmp_path / "log")
+    log, _, columns = read(tmp_path / "log")
+    assert (columns, log.settings["left_out"]) == ({"T": [20.0]}, ["matrix", "deep", "none"])
 
 
 def test_columns_called_alike_are_made_unique_and_units_are_read(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from ingest.formats import TimeSpec, open_log
 from ingest.formats._csv_lines import LineReader
 from ingest.formats._csv_numbers import MISSING
 from made.places import LOGS
-from made.tables import DECEMBER_NS, MARCH_NS, S_NS, read, table
+from made.tables import DECEMBER_NS, MARCH_NS, S_NS, read, same, table
 
 COPY_AGAIN = "; copy the file again if the original is whole."
 
@@ -232,6 +232,68 @@ def test_a_delimiter_at_the_end_of_each_row_is_a_column_without_name(tmp_path: P
 def test_a_delimiter_at_the_end_of_the_names_alone_makes_no_column(tmp_path: Path) -> None:
     log, _, columns = read(table(tmp_path, "time;T;\ns;°C\n0;20\n1;21\n2;22\n"))
     assert (columns, log.units, list(log.rejected)) == ({"T": [20, 21, 22]}, {"time": "s", "T": "°C"}, [])
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("T (°C) [TC01]", "°C"),
+        ("T [TC01]", "TC01"),
+        ("T (hot) [K]", "K"),
+        ("n (rpm) [1/min]", "1/min"),
+        ("p [bar(a)]", "bar(a)"),
+    ],
+)
+def test_brackets_at_the_end_of_a_name_hold_its_unit_unless_it_stands_before(
+    tmp_path: Path, name: str, unit: str
+) -> None:
+    assert read(table(tmp_path, f"t,{name}\n0,20\n1,21\n"))[0].units == {name: unit}
+
+
+@pytest.mark.parametrize("numbers", ["1;2;3", "0;1;2", ";1;2"])
+@pytest.mark.parametrize("units", ["", "s;°C;1/min\n"])
+def test_the_names_may_stand_below_the_numbers_of_the_columns(tmp_path: Path, numbers: str, units: str) -> None:
+    log, t_ns, columns = read(table(tmp_path, f"{numbers}\nTime;T_wdg;Speed\n{units}0;1;2\n1;2;3\n"))
+    assert (t_ns, columns) == ([0, S_NS], {"T_wdg": [1, 2], "Speed": [2, 3]})
+    assert log.units == ({"Time": "s", "T_wdg": "°C", "Speed": "1/min"} if units else {})
+
+
+@pytest.mark.parametrize("above", ["", "Bench 3\n"])
+@pytest.mark.parametrize("units", ["s;°C;1/min", "[s];[°C];[1/min]", ";°C;1/min"])
+def test_units_may_stand_above_the_names(tmp_path: Path, above: str, units: str) -> None:
+    log, t_ns, columns = read(table(tmp_path, f"{above}{units}\nTime;T_wdg;Speed\n0;20;5\n1;21;6\n"))
+    assert (t_ns, columns) == ([0, S_NS], {"T_wdg": [20, 21], "Speed": [5, 6]})
+    assert {name: log.units[name] for name in columns} == {"T_wdg": "°C", "Speed": "1/min"}
+
+
+@pytest.mark.parametrize("cell", [">1300", "> 1300,5", "<-200", ">= 850"])
+def test_a_number_that_is_only_a_bound_is_missing(tmp_path: Path, cell: str) -> None:
+    log, _, columns = read(table(tmp_path, f"t;T;n\n0;20,5;5\n1;{cell};6\n2;21,5;7\n"))
+    assert (same(columns["T"], [20.5, np.nan, 21.5]), columns["n"], list(log.rejected)) == (True, [5, 6, 7], [])
+
+
+@pytest.mark.parametrize("delimiter", [";", "\t", "  "])
+@pytest.mark.parametrize("late", ["20,5", "-2,5E+01"])
+def test_decimal_commas_may_come_late(tmp_path: Path, delimiter: str, late: str) -> None:
+    rows = [["Zeit", "T", "n"], *([f"{k}", "20", "0"] for k in range(1000)), ["1000", late, "0"]]
+    log, _, columns = read(table(tmp_path, "".join(delimiter.join(row) + "\n" for row in rows)))
+    assert columns["T"] == [*[20.0] * 1000, float(late.replace(",", "."))]
+    assert (log.settings["decimal"], list(log.rejected)) == (",", [])
+
+
+@pytest.mark.parametrize(("thousands", "number", "decimal"), [("1,200", "20.50", "."), ("1.200", "20,50", ",")])
+def test_a_sign_that_surely_parts_decimals_goes_before_one_that_may_part_thousands(
+    tmp_path: Path, thousands: str, number: str, decimal: str
+) -> None:
+    rows = f"0\t{thousands}\t{thousands}\t{number}\n1\t900\t900\t20\n"
+    log, _, columns = read(table(tmp_path, f"t\tn\tM\tT\n{rows}"))
+    assert (log.settings["decimal"], columns["T"]) == (decimal, [20.5, 20])
+    assert log.settings["numbers_with_units"] == {"n": thousands, "M": thousands}
+
+
+def test_late_commas_between_thousands_are_no_decimal_ones(tmp_path: Path) -> None:
+    log, _, columns = read(table(tmp_path, "t\tn\n" + "".join(f"{k}\t900\n" for k in range(300)) + "300\t1,200\n"))
+    assert (len(columns["n"]), [one.why for one in log.rejected]) == (300, ['text "1,200" where numbers are'])
 
 
 def test_decimal_commas_between_commas_are_refused_with_what_to_do(tmp_path: Path) -> None:
@@ -467,6 +529,8 @@ def test_numbers_that_may_have_thousands_are_texts_that_are_named(tmp_path: Path
     "cell",
     [
         "NoValue",
+        "n.a.",
+        "k.A.",
         "Overflow",
         "OVER RANGE",
         "∞",

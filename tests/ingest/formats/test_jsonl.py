@@ -70,7 +70,9 @@ def test_a_line_that_is_no_object_is_rejected_with_its_number(tmp_path: Path) ->
     path = objects(tmp_path, {"t": 0, "T": 20}, {"t": 1, "T": 21}, "[1, 2]", "", '{"t": 2, "T"', {"t": 3, "T": 22})
     log, t_ns, columns = read(path)
     assert (t_ns, columns) == ([0, S_NS, 3 * S_NS], {"T": [20, 21, 22]})
-    assert [one.where for one in log.rejected] == ["line 3", "line 5"]
+    assert [(one.where, one.why) for one in log.rejected] == [
+        (line, "is no JSON object, or an empty one") for line in ("line 3", "line 5")
+    ]
 
 
 def test_a_last_object_that_is_cut_is_said(tmp_path: Path) -> None:

@@ -68,7 +68,6 @@ LOGGED = {
         "Data info\nFile name\tmotor.dxd\nStart time\t14.3.2025 08:00:00.000\nNumber of channels\t2\n\n"
         "Data1\nTime (s)\tT (°C)\tn (rpm)\n0,0000\t20,00\t5\n0,1000\t21,00\t6\n0,2000\t\t7\n",
         names=("T (°C)", "n (rpm)"),
-        begins_ns=0,
         step_ns=TENTH,
         encoding="utf-8-sig",
     ),
@@ -86,7 +85,6 @@ LOGGED = {
         "HBM_CATMAN_DATAFILE_40\t\nNumber of channels: 3\nT0 = 14.03.2025 08:00:00\n\n"
         "Zeit  1 - Standardmessrate\tT\tn\ns\t°C\t1/min\n0,0\t20,0\t5\n1,0\t21,0\t6\n2,0\t#OVL\t7\n",
         units=("°C", "1/min"),
-        begins_ns=0,
         encoding="cp1252",
     ),
     "NI waveforms": Logged(
@@ -209,6 +207,13 @@ LOGGED = {
     "minutes and seconds that a spreadsheet left": Logged(
         "Time,T,n\n59:59.0,20,5\n00:00.0,21,6\n00:01.0,,7\n", begins_ns=3599 * S_NS
     ),
+    "a text among the columns that MDA exported": Logged(
+        "ETASAsciiItemFile\trecord\tCrLf\tTab\nsampleCount\t3\ntime\tT\tn\tstate\t\nf8\tf8\tf8\ts\t\n"
+        "s\t°C\t1/min\t\t\n0.0\t20\t5\tRUN\t\n0.1\t21\t6\tRUN\t\n0.2\t\t7\tSTOP\t\n",
+        units=("°C", "1/min"),
+        begins_ns=0,
+        step_ns=TENTH,
+    ),
     "mm:ss": Logged("time (mm:ss),T,n\n09:58,20,5\n09:59,21,6\n10:00,,7\n", begins_ns=598 * S_NS),
     "rows that end with a delimiter, unlike names and units": Logged(
         "time;T;n\ns;degC;rpm\n0,0;20,0;5;\n0,1;21,0;6;\n0,2;;7;\n", units=("degC", "rpm"), begins_ns=0, step_ns=TENTH
@@ -314,7 +319,7 @@ def test_each_column_of_times_stamps_those_behind_it(tmp_path: Path) -> None:
     """A row is a record of each rate that it holds; a slow rate that has ended leaves its cells empty."""
     path = tmp_path / "log.csv"
     head = "Time  1 - fast [s];T;Time  2 - slow [s];n;M\n"
-    path.write_text(head + "0,0;20;0;5;1\n0,1;21;10;6;2\n0,2;22;;;\n;;;;\n0,3;23;x;7;3\n")
+    path.write_text(head + "0,0;20;0;5;1\n0,1;21;10;6;2\n0,2;22;;;\n;9;;;\n0,3;23;x;7;3\n")
     log, t_ns, columns = read(path)
     assert columns == {"T": [20, 21, 22], "n": [5, 6], "M": [1, 2]}
     assert sorted(t_ns) == [0, 0, TENTH, 2 * TENTH, 10 * S_NS]
@@ -329,6 +334,17 @@ def test_columns_of_times_may_be_numbered(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     path.write_text("Zeit 1;T;Zeit 2;n\n" + "".join(f"{_stamp(k)};20;{_stamp(2 * k)};5\n" for k in range(4)))
     assert read(path)[1] == [AT_NS + k * S_NS for k in (0, 1, 2, 3, 0, 2, 4, 6)]
+
+
+@pytest.mark.parametrize(("second", "series"), [((0, 2, 4, 6), True), ((5, 4, 6, 4), False)])
+def test_numbered_times_may_say_their_unit_and_go_on_as_times_do(
+    tmp_path: Path, second: tuple[int, ...], series: bool
+) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("t1 [s];T;t2 [s];n\n" + "".join(f"{k};20;{other};5\n" for k, other in enumerate(second)))
+    log, t_ns, _ = read(path)
+    assert t_ns == [k * S_NS for k in (*range(4), *(second if series else ()))]
+    assert ("series" in log.settings) == series
 
 
 def _stamp(second: int) -> str:
@@ -484,10 +500,11 @@ def test_labels_above_a_table_say_its_names_units_and_rate(tmp_path: Path, timed
 
 
 @pytest.mark.parametrize(
-    ("label", "other"), [('"BlockNumber","1"', '"BlockNumber","2"'), ('"5.0E-01"\n"HO', '"1"\n"HO')]
+    ("label", "other"),
+    [('"BlockNumber","1"', '"BlockNumber","2"'), ('"5.0E-01"\n"HO', '"1"\n"HO'), (",,7.0E+00\n", f"\n{DL}")],
 )
-def test_several_blocks_or_rates_below_labels_are_refused(tmp_path: Path, label: str, other: str) -> None:
+def test_several_blocks_or_rates_below_labels_are_refused_as_that(tmp_path: Path, label: str, other: str) -> None:
     assert label in DL
     (path := tmp_path / "dl.csv").write_text(DL.replace(label, other), encoding="utf-8")
-    with pytest.raises(UnreadableLogError):
+    with pytest.raises(UnreadableLogError, match=r"Of a Yokogawa DL scope one block at one rate is read: convert each"):
         read(path)

@@ -180,6 +180,16 @@ def test_values_without_any_time_beside_others_that_have_one_are_rejected(tmp_pa
     assert one.why.startswith("no time: the channel has no wf_increment")
 
 
+def test_a_channel_without_times_that_is_as_long_as_the_waveforms_of_its_group_has_theirs(tmp_path: Path) -> None:
+    start = np.datetime64("2024-03-01T08:00:00")
+    timed = wave("bench", "T", [20.0, 21.0], 0.5, start)
+    others = plain("bench", "state", ["on", "off"]), plain("notes", "x", [1.0, 2.0])
+    path = write(tmp_path / "log.tdms", [timed, *others])
+    log, t_ns, columns = read(path)
+    assert [(t - t_ns[0]) // 10**6 for t in t_ns] == [0, 500]
+    assert (columns["state"], len(log.rejected)) == (["on", "off"], 2)  # another group is another table
+
+
 def test_values_that_outlast_the_stamps_of_their_group_are_rejected(tmp_path: Path) -> None:
     path = write(tmp_path / "log.tdms", [plain("A", "t", [START]), plain("A", "x", [1.0, 2.0])])
     log, t_ns, columns = read(path)

@@ -111,6 +111,21 @@ def test_dates_are_local_where_the_bench_file_says_a_zone(tmp_path: Path) -> Non
     assert read(path, TimeSpec(zone="Europe/Rome"))[1][0] == read(path)[1][0] - 7200 * S_NS
 
 
+@pytest.mark.parametrize("numbers", [False, True])
+def test_days_of_a_workbook_of_1904_count_from_there(tmp_path: Path, numbers: bool) -> None:
+    book = openpyxl.Workbook()
+    book.epoch = openpyxl.utils.datetime.CALENDAR_MAC_1904
+    book.active.append(["Date", "T"])
+    for second in range(3):
+        at = MIDNIGHT + timedelta(seconds=second)
+        days = (at - datetime(1904, 1, 1)) / timedelta(days=1)
+        book.active.append([days if numbers else at, 20])
+    book.save(tmp_path / "log.xlsx")
+    log, t_ns, _ = read(tmp_path / "log.xlsx")
+    assert log.absolute
+    np.testing.assert_allclose(t_ns, [MIDNIGHT_NS + k * S_NS for k in range(3)], rtol=0, atol=1_000_000)
+
+
 def test_numbers_are_kept_to_the_last_digit_and_texts_and_codes_stay_what_they_are(tmp_path: Path) -> None:
     rows: list[list[Any]] = [
         ["t", "x", "serial", "on", "note", "R"],

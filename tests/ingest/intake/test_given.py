@@ -42,6 +42,18 @@ def night(tmp_path: Path) -> Path:
     return folder
 
 
+def test_a_text_of_numbers_without_names_is_said_to_be_one(tmp_path: Path) -> None:
+    why = "line 1 holds numbers where the names of the columns should be. Put a line of names above them"
+    (tmp_path / "raw.txt").write_text("0.0\t20.5\n0.1\t20.6\n", encoding="utf-8")
+    (tmp_path / "notes.txt").write_text("Sensor 3 moved.\n", encoding="utf-8")
+    (tmp_path / "log.csv").write_text(TABLE, encoding="utf-8")
+    with opened([tmp_path]) as given:
+        assert given.skipped == [
+            "notes.txt: is a text without a table. Skipped.",
+            f"raw.txt: is a text without a table: {why}. Skipped.",
+        ]
+
+
 def test_a_folder_is_all_logs_in_it_by_what_they_hold(night: Path) -> None:
     why = (
         "most rows hold 4 fields where line 1 holds 2: it is not their header. Under [time] of the bench file say how "

@@ -1,4 +1,4 @@
-"""What of a log was not read as numbers: said as the log is looked at, and kept as a fact where it is ingested."""
+"""What of a log was not read as numbers, or may be read otherwise: said as it is looked at, kept as it is ingested."""
 
 from __future__ import annotations
 
@@ -35,3 +35,14 @@ def test_a_further_table_and_cells_with_units_are_said_and_kept(
     assert all(
         one in " ".join(told.split()) for one in says for told in (taken, shown)
     )  # lines are as wide as terminals
+
+
+def test_times_that_may_be_minutes_and_seconds_are_said_and_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("run.csv").write_text("Time,T\n05:00,20\n05:01,21\n", encoding="utf-8")
+    says = '"05:00" in Time is read as hours and minutes; if it is minutes and seconds, say format = "%M:%S" under'
+    for words in (["inspect", "run.csv"], ["ingest", "run.csv", "--store", "s"], ["show", "run", "--store", "s"]):
+        assert main(words) == 0
+        assert says in " ".join(capsys.readouterr().out.split())

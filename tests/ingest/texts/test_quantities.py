@@ -124,13 +124,23 @@ def test_every_spelling_leads_to_a_unit_that_is_its_own_spelling() -> None:
 
 @pytest.mark.parametrize(
     ("text", "unit"),
-    [("°C", "degC"), ("ºC", "degC"), ("KW", "kW"), ("mW", "mW"), ("MW", "MW"), ("kph", "km/h"), ("Vrms", "V")],
+    [
+        ("°C", "degC"),
+        ("ºC", "degC"),
+        ("KW", "kW"),
+        ("mW", "mW"),
+        ("MW", "MW"),
+        ("kph", "km/h"),
+        ("Vrms", "V"),
+        ("VDC", "V"),
+        ("V AC", "V"),
+    ],
 )
 def test_a_unit_text_has_one_spelling(text: str, unit: str) -> None:
     assert normal_unit(text) == unit
 
 
-@pytest.mark.parametrize("text", ["MODEMASK", "dC*2", "kW*0.25", "", None, "Apk", "mw"])
+@pytest.mark.parametrize("text", ["MODEMASK", "dC*2", "kW*0.25", "", None, "Apk", "mw", "ADC"])  # counts of a converter
 def test_what_is_no_unit_for_sure_stays_unknown(text: str | None) -> None:
     assert normal_unit(text) is None and column_suffix(text) == ""
 

@@ -29,7 +29,7 @@ from ingest.formats import Rows, open_log
 from made import can_bench
 from replay.cli import main
 from replay.exports import export, samples, xlsx
-from replay.exports.samples import session_rows
+from replay.exports.samples import OutColumn, SessionRows, session_rows
 
 Floats = NDArray[np.float64]
 Read = Mapping[str, tuple[Floats, Floats]]  # channel -> its stamps [s since 1970, or since the start] and values
@@ -247,6 +247,25 @@ def test_names_stand_with_their_units(folder: Path, tmp_path: Path) -> None:
     assert {one.topic: one.metadata["unit"] for one in channels}["/samples/TC_yoke"] == "degC"
     log = open_log(mcap)
     assert [*log.batches()] and log.units["/samples/TC_yoke.value"] == "degC"
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "title"),
+    [
+        ("n [1/min]", "rpm", "n [rpm]"),
+        ("T (°C)", "degC", "T [degC]"),
+        ("T [TC01]", "degC", "T [TC01] [degC]"),
+        ("[K]", "degC", "[K] [degC]"),
+        ("p [bar]", None, "p [bar]"),
+    ],
+)
+def test_a_head_says_one_unit(name: str, unit: str | None, title: str) -> None:
+    assert OutColumn(name, unit, "other", None).title == title
+
+
+def test_heads_of_two_units_of_one_name_differ() -> None:
+    columns = [OutColumn(name, "degC", "temperature", None) for name in ("T [K]", "T")]
+    assert SessionRows("S", True, 0, columns, [], iter(())).titles == ("T [degC]", "T [degC]_2")
 
 
 def test_a_spreadsheet_runs_no_name_as_a_formula(folder: Path, tmp_path: Path) -> None:
