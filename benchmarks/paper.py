@@ -25,11 +25,9 @@ magnet sensor is kept. A statement is met where the worst of the motors meets it
 from __future__ import annotations
 
 import math
-import multiprocessing
 import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -63,7 +61,7 @@ from benchmarks.filters import (
     paced,
     with_network,
 )
-from benchmarks.shared import stored
+from benchmarks.shared import of_each, stored
 from ingest.facts import facts
 from plant import Effect, Plant, drives, points, sessions
 from plant.drives import Drive
@@ -365,11 +363,10 @@ def main() -> None:
     args = asked.parser(__doc__, seeds=(5, 1), first=(200, 200)).parse_args()
     cycles, longest_s = (1, 600.0) if args.quick else (3, math.inf)
     of_motor, every = partial(measured, cycles=cycles, longest_s=longest_s), []
-    with ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn")) as pool:
-        seeds = range(args.first, args.first + args.seeds)
-        for seed, one in zip(seeds, pool.map(of_motor, seeds), strict=True):
-            print(f"motor {seed}: measured", file=sys.stderr, flush=True)
-            every.append(one)
+    seeds = range(args.first, args.first + args.seeds)
+    for seed, one in zip(seeds, of_each(of_motor, seeds), strict=True):
+        print(f"motor {seed}: measured", file=sys.stderr, flush=True)
+        every.append(one)
     found = statements(every)
     print(f"{'':<67}{'paper':>10}{'median':>9}{'worst':>9}   {args.seeds} motors")
     print("\n".join(one.line() for one in found))

@@ -12,11 +12,9 @@ the hottest node (the mean of its cells, as the motor file has it), and the hott
 from __future__ import annotations
 
 import math
-import multiprocessing
 import sys
 import tempfile
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -30,7 +28,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from benchmarks import asked
-from benchmarks.shared import stored
+from benchmarks.shared import of_each, stored
 from ingest.facts import facts
 from plant import Plant, Recording, drives, points, sessions, write_campaign
 from replay.studies.characterise.calibrate import calibrate_sessions
@@ -130,10 +128,9 @@ def main() -> None:
     """Run and print."""
     args = asked.parser(__doc__, seeds=(5, 1), first=(200, 200)).parse_args()
     of_motor, rows = partial(row_of, longest_s=QUICK_S if args.quick else math.inf), []
-    with ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn")) as pool:
-        for row in pool.map(of_motor, range(args.first, args.first + args.seeds)):
-            print(f"motor {row.seed}: measured", file=sys.stderr, flush=True)
-            rows.append(row)
+    for row in of_each(of_motor, range(args.first, args.first + args.seeds)):
+        print(f"motor {row.seed}: measured", file=sys.stderr, flush=True)
+        rows.append(row)
     print(table(rows))
     asked.keep([asdict(row) for row in rows], args.json)
 

@@ -1,10 +1,14 @@
-"""What several benchmarks do: take a campaign's logs into a store of their own, and say how sure a rate is."""
+"""What several benchmarks do: measure many motors at once, take a campaign's logs into a store of their own, and say
+how sure a rate is."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import multiprocessing
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TypeVar
 
 from scipy.stats import binomtest
 
@@ -14,6 +18,17 @@ from ingest.intake.intake import take_in
 from ingest.intake.setup import prepare
 from ingest.units.each import Workers
 from replay.engine.files.models import for_intake
+
+T = TypeVar("T")
+
+
+def of_each(measure: Callable[[int], T], seeds: Sequence[int]) -> Iterator[T]:
+    """What is measured of the motor of each seed, in order: in a process for each core, of a single one in this."""
+    if len(seeds) == 1:
+        yield measure(seeds[0])
+        return
+    with ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn")) as pool:
+        yield from pool.map(measure, seeds)
 
 
 @contextmanager

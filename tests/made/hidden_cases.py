@@ -40,13 +40,15 @@ LAYOUT = "six"
 @dataclass(frozen=True)
 class Case:
     """A specimen and what it hides, "" for nothing; `size` in the unit of its kind (plant/README.md); the form of its
-    motor (plant.forms) and the rule that its file was made by (plant.rules)."""
+    motor (plant.forms) and the rule that its file was made by (plant.rules); how long its sessions are, as a share of
+    20, 20 and 30 min."""
 
     seed: int
     cause: str = ""
     size: float = 0.0
     form: str = "jacketed"
     rule: str = "fitted"
+    length: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -68,9 +70,9 @@ def _campaign(case: Case) -> Campaign:
     reads them."""
     form = FORMS[case.form]
     plant = Plant(case.seed, *([Effect(case.cause, case.size)] if case.cause else []), form=form)
-    top_rpm = form.machine.top_rpm
-    plan = [points.s1(plant, 0.5625 * top_rpm, 20.0, 0), points.s2(plant, 0.4375 * top_rpm, 20.0, 1)]
-    plan.append(drives.wltp(1, form.vehicle))
+    top_rpm, minutes, cycle = form.machine.top_rpm, 20.0 * case.length, drives.wltp(1, form.vehicle)
+    plan = [points.s1(plant, 0.5625 * top_rpm, minutes, 0), points.s2(plant, 0.4375 * top_rpm, minutes, 1)]
+    plan.append(cycle.first(case.length * cycle.seconds))
     with TemporaryDirectory() as name:
         folder = Path(name)
         logs = write_campaign(folder, plant, sessions(plant, plan, LAYOUT), layout=LAYOUT, rule=case.rule)

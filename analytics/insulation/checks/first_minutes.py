@@ -82,16 +82,17 @@ def fit(stretches: Sequence[SwitchSamples]) -> ResistanceEstimate:
     if not stretches:
         raise ValueError("no stretch of heating or cooling: a fit needs one at least")
     designs = [[_design(part, part.from_s + m * (part.to_s - part.from_s)) for m in MOMENTS] for part in stretches]
+    fast = [np.concatenate([design.fast for design in choice]) for choice in itertools.product(*designs)]
     freedom = sum(part.t_s.size for part in stretches) - 5 * len(stretches) - 2
     measured = [part.copper for part in stretches]
-    best = _solve(designs, measured, freedom)
+    best = _solve(designs, fast, measured, freedom)
     random = np.random.default_rng(SEED)
     noise = [float(np.std(np.diff(part.copper, n=2)) / np.sqrt(6.0)) for part in stretches]
     fitted = [part.copper - residual for part, residual in zip(stretches, best.residual, strict=True)]
     refits = []
     for _ in range(REFITS):
         drawn = [y + sd * random.standard_normal(y.size) for y, sd in zip(fitted, noise, strict=True)]
-        refits.append(_solve(designs, drawn, freedom).spectrum.sum())
+        refits.append(_solve(designs, fast, drawn, freedom).spectrum.sum())
     value = float(best.spectrum.sum())
     sd = np.linalg.norm([float(np.std(refits)), best.spread, MODEL_SHARE * value])
     return ResistanceEstimate(value, float(sd))
@@ -138,26 +139,27 @@ def _beside(slow: Floats, y: Floats) -> Floats:
 def _responses(x: Floats, step_W: Floats) -> Floats:
     """u_j (n, taus) [W] at times x (n,) [s] after a switch, of a power that is 0 until x = 0, from there on that of the
     first sample after it, and linear between samples."""
-    u = np.zeros((x.size, TAU_S.size))
-    now, since, power = np.zeros(TAU_S.size), 0.0, None
-    for k in np.flatnonzero(x > 0.0):
-        here = float(step_W[k])
-        power = here if power is None else power
-        h = float(x[k]) - since
-        fades = np.exp(-h / TAU_S)
-        now = fades * now + power * (1.0 - fades) + (here - power) / h * (h - TAU_S * (1.0 - fades))
-        u[k], since, power = now, float(x[k]), here
+    u, after = np.zeros((x.size, TAU_S.size)), x > 0.0
+    times, watts = x[after, None], step_W[after, None]
+    h, power = np.diff(times, axis=0, prepend=0.0), np.concatenate([watts[:1], watts[:-1]])
+    fades = np.exp(-h / TAU_S)
+    flat, ramp = power * (1.0 - fades), (watts - power) / h * (h - TAU_S * (1.0 - fades))
+    now = np.zeros(TAU_S.size)
+    for k, fading, level, slope in zip(np.flatnonzero(after), fades, flat, ramp, strict=True):
+        u[k] = now = fading * now + level + slope
     return u
 
 
-def _solve(designs: Sequence[Sequence[_Design]], measured: Sequence[Floats], freedom: int) -> _Solution:
+def _solve(
+    designs: Sequence[Sequence[_Design]], fast: Sequence[Floats], measured: Sequence[Floats], freedom: int
+) -> _Solution:
     """The spectrum by non-negative least squares for every choice of the moments of switching, weighed by
-    likelihood."""
+    likelihood. `fast`: for each choice (n, taus) over all stretches, which stays the same from refit to refit."""
     choices = list(itertools.product(*designs))
+    lefts = list(itertools.product(*([one.left(y) for one in own] for own, y in zip(designs, measured, strict=True))))
     spectra, squares = [], []
-    for choice in choices:
-        left = np.concatenate([design.left(y) for design, y in zip(choice, measured, strict=True)])
-        amplitude, norm = nnls(np.concatenate([design.fast for design in choice]), left)
+    for columns, left in zip(fast, lefts, strict=True):
+        amplitude, norm = nnls(columns, np.concatenate(left))
         spectra.append(amplitude)
         squares.append(norm**2)
     least = min(squares)
@@ -167,5 +169,5 @@ def _solve(designs: Sequence[Sequence[_Design]], measured: Sequence[Floats], fre
     spread = float(np.sqrt(weight @ (sums - weight @ sums) ** 2))
     spectrum = weight @ np.array(spectra)
     best = int(np.argmin(squares))
-    residual = [design.left(y) - design.fast @ spectra[best] for design, y in zip(choices[best], measured, strict=True)]
+    residual = [left - one.fast @ spectra[best] for one, left in zip(choices[best], lefts[best], strict=True)]
     return _Solution(np.asarray(spectrum), spread, residual)

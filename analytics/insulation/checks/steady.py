@@ -88,7 +88,8 @@ def settle(t_s: Floats, series: Floats, ambient: Floats | None, follows: Floats)
     rise = last - series[0]
     noise = np.std(np.diff(y[used], n=2, axis=0), axis=0) / np.sqrt(6.0)
     bend = float(np.median(noise / np.maximum(np.abs(rise), 1e-12)) / BEND_SHARE) ** 2
-    fits = [_fit(t, y, air, used, follows, bend, tau, ratio) for tau in TAU_S for ratio in FASTER]
+    beside = ((tau, y - _felt(t, air, tau)[:, None] * follows) for tau in TAU_S)
+    fits = [_fit(t[used], left[used], bend, tau, ratio) for tau, left in beside for ratio in FASTER]
     final = np.array([fit.asymptote for fit in fits]) + air[late].mean() * follows  # (m, k)
     squares = np.array([fit.squares for fit in fits])
     best = fits[int(np.argmin(np.sum(squares / np.maximum(squares.min(axis=0), 1e-300), axis=1)))]
@@ -157,11 +158,9 @@ class _Fit:
     unit_variance: float
 
 
-def _fit(
-    t: Floats, y: Floats, air: Floats, used: Flags, follows: Floats, bend: float, tau: float, ratio: float
-) -> _Fit:
-    """Y, B and C of each series for given rates, C with prior precision `bend` in squares of the noise."""
-    x, left = t[used], (y - _felt(t, air, tau)[:, None] * follows)[used]
+def _fit(x: Floats, left: Floats, bend: float, tau: float, ratio: float) -> _Fit:
+    """Y, B and C of each series for given rates, `left` (n, k) over times x (n,) less the ambient as it is felt; C with
+    prior precision `bend` in squares of the noise."""
     since = x - x[0]
     design = np.stack([np.ones_like(x), np.exp(-since / tau), np.exp(-since / (ratio * tau))], axis=1)
     inverse = np.linalg.inv(design.T @ design + np.diag([0.0, 0.0, bend]))
@@ -173,12 +172,12 @@ def _fit(
 
 def _felt(t_s: Floats, air: Floats, tau_s: float) -> Floats:
     """The ambient as a body of time constant `tau_s` feels it that has felt its first value for ever."""
-    felt = np.empty_like(air)
-    felt[0] = air[0]
     kept = np.exp(-np.diff(t_s) / tau_s)
-    for k in range(1, air.size):
-        felt[k] = kept[k - 1] * felt[k - 1] + (1.0 - kept[k - 1]) * (air[k] + air[k - 1]) / 2.0
-    return felt
+    came = (1.0 - kept) * (air[1:] + air[:-1]) / 2.0
+    felt = [float(air[0])]
+    for share, more in zip(kept.tolist(), came.tolist(), strict=True):
+        felt.append(share * felt[-1] + more)
+    return np.array(felt)
 
 
 def _inflated(residual: Floats) -> Floats:
