@@ -9,12 +9,9 @@ import shutil
 import subprocess
 import sys
 import zipfile
-from importlib import metadata
 from pathlib import Path
 
 import pytest
-from packaging.requirements import Requirement
-from packaging.utils import canonicalize_name
 
 from ingest.errors import WITH_EXTRAS
 from made.browser import faults, printed_pages
@@ -41,41 +38,19 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def installed(wheel: Path) -> Path:
     """The folder of programs of an environment that holds the wheel and what it needs, nothing else."""
     environment = wheel.parent / "env"
-    _run(sys.executable, "-m", "venv", "--without-pip", environment, cwd=wheel.parent)
-    (packages,) = environment.rglob("site-packages")
+    _run(sys.executable, "-m", "venv", environment, cwd=wheel.parent)
     python = environment / ("Scripts" if os.name == "nt" else "bin") / "python"
-    pip = (sys.executable, "-m", "pip", "--disable-pip-version-check", "--python", python)
-    _run(*pip, "install", "-q", "--no-index", "--no-deps", "--no-compile", wheel, cwd=wheel.parent)
-    (own,) = metadata.distributions(path=[str(packages)])
-    for needed in _needed(own, {}).values():
-        _link(needed, packages)
-    _run(*pip, "check", cwd=wheel.parent)  # whether these are versions that it allows
-    _bring_what_is_compiled(packages / "twin")
+    uv = shutil.which("uv")
+    install: list[str | Path] = (
+        [uv, "pip", "install", "-q", "--python", python]
+        if uv
+        else [python, "-m", "pip", "install", "-q", "--no-compile"]
+    )
+    pinned = re.findall(r"^\w.*?==.*?(?= \\$)", (ROOT / "requirements.lock").read_text(encoding="utf-8"), re.MULTILINE)
+    (wheel.parent / "versions").write_text("\n".join(pinned))  # with hashes pip would ask for one of the wheel too
+    _run(*install, wheel, "-c", wheel.parent / "versions", cwd=wheel.parent)
+    _bring_what_is_compiled(next(environment.rglob("twin/__init__.py")).parent)
     return python.parent
-
-
-def _needed(by: metadata.Distribution, found: dict[str, metadata.Distribution]) -> dict[str, metadata.Distribution]:
-    """`found` and what a package needs without its extras, what these need, and so on: as installed here, from the lock
-    of the same versions."""
-    for need in map(Requirement, by.requires or ()):
-        name = canonicalize_name(need.name)
-        if name not in found and (need.marker is None or need.marker.evaluate({"extra": ""})):
-            found[name] = metadata.distribution(name)
-            _needed(found[name], found)
-    return found
-
-
-def _link(package: metadata.Distribution, packages: Path) -> None:
-    """The files of a package in another environment too; unpacking them once more would take longer than most tests."""
-    for file in package.files or ():
-        source, target = Path(str(file.locate())), packages / file
-        if ".." in file.parts or not source.is_file():  # a program, or what a Python has not compiled yet
-            continue
-        target.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            target.hardlink_to(source)
-        except OSError:  # on another disk
-            shutil.copy2(source, target)
 
 
 def _bring_what_is_compiled(twin: Path) -> None:
