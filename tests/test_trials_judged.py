@@ -23,7 +23,7 @@ from twin.diagnosis.naming import Naming
 from twin.diagnosis.rounds import Refit, Round, scored
 from twin.differences.candidates import InputChannel, added_monomials, generate
 from twin.differences.everyday import everyday
-from twin.fitting.fit import Fit, fit
+from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
 from twin.fitting.model import Model
 from twin.motor.network import Network, Term
 from twin.motor.sensor import Sensor
@@ -35,13 +35,13 @@ CANDIDATES = generate(
     [Sensor(name, weights, "can1") for name, (weights, _) in CHANNELS.items()],
     [InputChannel(name, "can1") for name in (*SINGLE, "coolant", "ambient")],
 )
-LOSS, SENSOR = "loss.magnet.constant", "sensor.yoke.bias"
+LOSS, SENSOR, SAME_LAW = "loss.magnet.constant", "sensor.yoke.bias", "loss.yoke.speed1.5"
 
 
-def _with_loss() -> Network:
+def _with_more(node: str, term: Term) -> Network:
     network = every_law()
-    sources = tuple(replace(s, terms=(*s.terms, Term(WATTS))) if s.node == "magnet" else s for s in network.sources)
-    return replace(network, name="with-constant-loss", sources=sources)
+    sources = tuple(replace(s, terms=(*s.terms, term)) if s.node == node else s for s in network.sources)
+    return replace(network, name=f"more-loss-in-{node}", sources=sources)
 
 
 @pytest.fixture(scope="module")
@@ -59,9 +59,13 @@ def first(mode: Fit) -> Round:
 
 @pytest.fixture(scope="module")
 def moved() -> list[Course]:
-    """What the loss does to the readings of each test, once a second."""
+    return _moved(_with_more("magnet", Term(WATTS)))
+
+
+def _moved(hiding: Network) -> list[Course]:
+    """What a motor that hides something reads more in each test, once a second."""
     pairs = [
-        [recorded(every_law(), pulses(600.0, seed=i), INITIAL, true=true) for true in (every_law(), _with_loss())]
+        [recorded(every_law(), pulses(600.0, seed=i), INITIAL, true=true) for true in (every_law(), hiding)]
         for i in range(2)
     ]
     return [
@@ -78,8 +82,21 @@ def test_a_sensor_that_reads_wrong_is_seen_by_its_size_and_what_calibration_leav
     found, i = seen(mode, CANDIDATES, Effect(SENSOR, 2.0), ()), _at(first, SENSOR)
     j, sigma = first.scores.J[i : i + 1], first.scores.sigma[i : i + 1]
     assert found.d == pytest.approx(2.0 * j[0] ** 0.5)
-    assert found.log_bf == pytest.approx(log_bayes_factor(2.0 * j, j, sigma, np.zeros(1))[0])
+    line = log_bayes_factor(2.0 * j, j, sigma, np.zeros(1))[0]
+    assert found.log_bf == pytest.approx(line, abs=NEAR_ENOUGH), (
+        "what acts linearly gains by full fits what the line says"
+    )
     assert found.band == "below 3"
+
+
+def test_what_a_coefficient_of_the_file_does_as_well_is_seen_less_than_the_line_says(mode: Fit, first: Round) -> None:
+    """More of a law that the file has grows its coefficient by a factor: the line takes each watt more for as dear."""
+    i = _at(first, SAME_LAW)
+    found = seen(mode, CANDIDATES, Effect(SAME_LAW, WATTS), _moved(_with_more("yoke", Term(6 * WATTS, {"speed": 1.5}))))
+    j, sigma = first.scores.J[i : i + 1], first.scores.sigma[i : i + 1]
+    assert found.d is not None and found.log_bf is not None
+    line = float(log_bayes_factor(found.d * j**0.5, j, sigma, np.ones(1))[0])
+    assert line > 8 and found.log_bf < line - 3
 
 
 def test_a_loss_is_seen_by_what_it_does_to_the_readings(mode: Fit, first: Round, moved: list[Course]) -> None:

@@ -1,22 +1,27 @@
 """How well a hidden effect can be seen, whatever method looks for it.
 
 What is left after calibration at a healthy mode counts: the same specimen without effects on the same drives, fitted as
-every diagnosis begins. There v (N,) is the whitened column of the true cause per unit of amplitude and P takes out all
-that a healthy motor may do (`twin.diagnosis.evidence`). With x (N,) what the effect alone does to the readings,
+every diagnosis begins. There v (N,) is the whitened column of the true cause per unit of amplitude, P takes out all
+that a healthy motor may do (`twin.diagnosis.evidence`), and x (N,) is what the effect alone does to the readings, size
+times v for an error of a reading, a clock or an input:
 
-    J = v'P v,   s = v'P x,   d = |s| / sqrt(J),
-    expected ln BF = s^2 sigma^2 / (2 (1 + J sigma^2)) - ln(1 + J sigma^2) / 2
+    J = v'P v,   s = v'P x,   d = |s| / sqrt(J).
 
-under the candidate's own prior sd sigma, one-sided where it has a sign: the evidence that a diagnosis would find in
-readings without noise; noise adds at most 1/2 on average. An error of a reading, a clock or an input is x = size v.
-Off the library v is x itself with sigma 1: what a candidate of just this course would have. An exchange of channels has
-no size, and what is no candidate and moves no reading has no column: both have none of this.
+The *expected ln BF* is what the true cause gains on readings that this fit predicts with x added, without noise: two
+full fits, with it and without, under the noise and the widths of the healthy mode. The straight line through the mode,
+
+    s^2 sigma^2 / (2 (1 + J sigma^2)) - ln(1 + J sigma^2) / 2
+
+under the candidate's own prior sd sigma, promises more where a coefficient of the file does the same as the cause: that
+grows by a factor, so each watt more costs it less. Noise adds at most 1/2 on average. Off the library v is x itself and
+the line with sigma 1 is an upper bound. An exchange of channels has no size, and what is no candidate and moves no
+reading has no column: both have none of this.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,10 +33,12 @@ from replay.studies.diagnosis.question import Campaign
 from twin.diagnosis.evidence import log_bayes_factor
 from twin.diagnosis.posterior_mode import stacked
 from twin.diagnosis.refined import calibrated
+from twin.diagnosis.rounds import compared
 from twin.differences.candidates import Candidate
 from twin.differences.proposals import Proposals
-from twin.fitting.fit import Fit
-from twin.fitting.model import Columns, Model
+from twin.fitting.actions import Parameter
+from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
+from twin.fitting.model import Columns, Model, Test
 
 Floats = NDArray[np.float64]
 
@@ -62,28 +69,66 @@ def healthy_mode(campaign: Campaign) -> Fit:
 
 def seen(mode: Fit, candidates: Sequence[Candidate], effect: Effect, moved: Sequence[Course]) -> Seen:
     """How well an effect can be seen at a healthy mode, `moved` what it does to the readings of each session."""
-    own = [c for c in candidates if either_way(str(c.cause)) == either_way(effect.cause)][:1]
-    proposals = Proposals(mode.model, mode.beta)
-    parameters = [proposals.parameter(c) for c in own if not c.discrete]
+    own = [c for c in candidates if either_way(str(c.cause)) == either_way(effect.cause) and not c.discrete][:1]
+    parameters = [Proposals(mode.model, mode.beta).parameter(c) for c in own]
     parts = mode.model.linearise(mode.beta, parameters)
-    projector, v, _ = stacked(mode, parts)
-    sigma, sign = (parameters[0].sd, own[0].sign) if parameters else (1.0, 0)
     if effect.kind in READ_WRONG:
         if not parameters:
             return Seen(effect.cause, effect.size)
-        x = effect.size * v[:, 0]
+        shifts = [effect.size * part.extra[:, 0] for part in parts]
     else:
-        x = np.concatenate([_moved(mode.model, part, moved) for part in parts])
+        shifts = [_moved(mode.model, part, moved) for part in parts]
+    projector, v, _ = stacked(mode, parts)
+    x = np.concatenate(
+        [mode.model.whitened(p.series, one[:, None])[:, 0] for p, one in zip(parts, shifts, strict=True)]
+    )
     column = v[:, 0] if parameters else x
     j, s = float(projector.inner(column, column)), float(projector.inner(column, x))
     if j <= 0.0:
         return Seen(effect.cause, effect.size, 0.0, 0.0)
-    expected = log_bayes_factor(*(np.array([value]) for value in (s, j, sigma, sign)))
-    return Seen(effect.cause, effect.size, abs(s) / j**0.5, float(expected[0]))
+    if own:
+        expected = _expected(mode, own[0], parameters[0], parts, shifts, s / (j + 1 / parameters[0].sd ** 2))
+    else:
+        expected = float(log_bayes_factor(*(np.array([value]) for value in (s, j, 1.0, 0)))[0])
+    return Seen(effect.cause, effect.size, abs(s) / j**0.5, expected)
+
+
+def _expected(
+    mode: Fit,
+    candidate: Candidate,
+    parameter: Parameter,
+    parts: Sequence[Columns],
+    shifts: Sequence[Floats],
+    amplitude: float,
+) -> float:
+    """What a cause gains on readings without noise, each row moved by `shifts`; its search begins at an `amplitude`."""
+    model = Model(mode.model.network, _as_predicted(mode, parts, shifts), mode.model.parameters, mode.model.noise)
+    inside = float(np.clip(amplitude, 0.9 * parameter.low, 0.9 * parameter.high)) or 1e-3 * parameter.sd
+    without = fit(model, mode.beta, NEAR_ENOUGH)
+    begun = [np.append(beta, inside) for beta in (mode.beta, without.beta)]
+    found = [fit(model.plus([parameter]), beta, NEAR_ENOUGH) for beta in begun]
+    best = max(found, key=lambda one: one.log_evidence)
+    return compared(best, without, candidate, parameter, len(mode.beta)).log_bayes_factor
+
+
+def _as_predicted(mode: Fit, parts: Sequence[Columns], shifts: Sequence[Floats]) -> list[Test]:
+    """The tests as a fit predicts their readings, each row moved by its shift."""
+    moved = {(p.series.session, p.series.channel): shift - p.series.y for p, shift in zip(parts, shifts, strict=True)}
+    tests = []
+    for number, test in enumerate(mode.model.tests):
+        channels = []
+        for channel in test.channels:
+            cut = channel.blocks(test.frame.step_s)
+            by_block = np.zeros(len(cut.there))
+            by_block[cut.there] = moved[number, channel.name]
+            by_step = np.repeat(by_block, cut.length)[: len(channel.measured)]
+            channels.append(replace(channel, measured=channel.measured + by_step))
+        tests.append(replace(test, channels=tuple(channels)))
+    return tests
 
 
 def _moved(model: Model, part: Columns, moved: Sequence[Course]) -> Floats:
-    """What an effect does to the rows of a channel, whitened; to what the file says of a node, nothing."""
+    """What an effect does to the rows of a channel; to what the file says of a node, nothing."""
     if not part.series.measured:
         return np.zeros(len(part.series.y))
     test = model.tests[part.series.session]
@@ -91,6 +136,4 @@ def _moved(model: Model, part: Columns, moved: Sequence[Course]) -> Floats:
     course = moved[part.series.session][channel.name]
     steps = len(test.frame.features)
     at_steps = np.interp(middles(steps * test.frame.step_s, test.frame.step_s), middles(len(course)), course)
-    x = channel.blocks(test.frame.step_s).measured(at_steps)
-    whitened: Floats = model.whitened(part.series, x[:, None])[:, 0]
-    return whitened
+    return channel.blocks(test.frame.step_s).measured(at_steps)
