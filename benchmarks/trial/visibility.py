@@ -2,8 +2,8 @@
 
 What is left after calibration at a healthy mode counts: the same specimen without effects on the same drives, fitted as
 every diagnosis begins. There v (N,) is the whitened column of the true cause per unit of amplitude, P takes out all
-that a healthy motor may do (`twin.diagnosis.evidence`), and x (N,) is what the effect alone does to the readings, size
-times v for an error of a reading, a clock or an input:
+that a healthy motor may do (`twin.diagnosis.evidence`), and x (N,) is what the effect alone does to the readings, for
+an error of a reading, a clock or an input as far as d goes size times v:
 
     J = v'P v,   s = v'P x,   d = |s| / sqrt(J).
 
@@ -75,7 +75,7 @@ def seen(mode: Fit, candidates: Sequence[Candidate], effect: Effect, moved: Sequ
     if effect.kind in READ_WRONG:
         if not parameters:
             return Seen(effect.cause, effect.size)
-        shifts = [effect.size * part.extra[:, 0] for part in parts]
+        shifts = _read_wrong(mode, parameters, effect.size)
     else:
         shifts = [_moved(mode.model, part, moved) for part in parts]
     projector, v, _ = stacked(mode, parts)
@@ -83,7 +83,8 @@ def seen(mode: Fit, candidates: Sequence[Candidate], effect: Effect, moved: Sequ
         [mode.model.whitened(p.series, one[:, None])[:, 0] for p, one in zip(parts, shifts, strict=True)]
     )
     column = v[:, 0] if parameters else x
-    j, s = float(projector.inner(column, column)), float(projector.inner(column, x))
+    j = float(projector.inner(column, column))
+    s = effect.size * j if effect.kind in READ_WRONG else float(projector.inner(column, x))
     if j <= 0.0:
         return Seen(effect.cause, effect.size, 0.0, 0.0)
     if own:
@@ -109,6 +110,12 @@ def _expected(
     found = [fit(model.plus([parameter]), beta, NEAR_ENOUGH) for beta in begun]
     best = max(found, key=lambda one: one.log_evidence)
     return compared(best, without, candidate, parameter, len(mode.beta)).log_bayes_factor
+
+
+def _read_wrong(mode: Fit, parameters: Sequence[Parameter], size: float) -> list[Floats]:
+    """What an error of the bench of this size does to the rows of each channel."""
+    with_it = mode.model.plus(parameters).residuals(np.append(mode.beta, size))
+    return [before.y - after.y for before, after in zip(mode.series, with_it, strict=True)]
 
 
 def _as_predicted(mode: Fit, parts: Sequence[Columns], shifts: Sequence[Floats]) -> list[Test]:
