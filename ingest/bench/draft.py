@@ -43,14 +43,20 @@ _ONE_SPECIMEN = '# specimen = "motor-01"\n'
 _LABELLED = "{key} = {column}  # CHECK: each row is of the {what} that stands in this column\n"
 _DAYS = """
 # {why}
-[time]
+[{table}]
 column = {column}  # CHECK: its days are the stamps
 """
 _NO_TIME = """
 # {why}
-[time]
+[{table}]
 rate_hz = 1.0                  # CHECK: no time was recognised; how many rows a second?
 # start = 2024-03-01T08:00:00Z
+"""
+_LOCAL = """
+# Stamps that name no zone are read as UTC. Where they are local, say so: of all logs here, of one format as \
+[time.csv], [time.blf] ...
+# [time]
+# zone = "Europe/Berlin"
 """
 _NODES = """
 # Temperatures: `node` is a place in the motor. Without a motor file any name will do, \
@@ -70,7 +76,8 @@ def draft_bench(
     `at_once`: signals that are recorded together, by logger; of others, two of a quantity are no rivals. Without it all
     are.
 
-    `settings`: `untimed`, why a log has no time: `[time]` is there to be filled in, or names the column of `days`;
+    `settings`: `untimed`, why a log has no time: `[time]` is there to be filled in, or names the column of `days`; of
+    one `format` alone, where logs of others have theirs; `absolute`, whether a log has dates;
     `labels`, the columns of a table that tell "specimen" and "batch" of each row.
     """
     directory = Directory(signals)
@@ -101,11 +108,12 @@ def _labelled(labels: Mapping[str, str]) -> Iterator[str]:
 
 
 def _untimed(settings: Mapping[str, Any]) -> str:
-    """`[time]`, where nothing says the times of a log."""
-    why, days = settings.get("untimed"), settings.get("days")
+    """`[time]`, where nothing says the times of a log; and where to say the zone of stamps."""
+    why, days, form = (settings.get(key) for key in ("untimed", "days", "format"))
+    local, table = _LOCAL if settings.get("absolute") else "", f"time.{form}" if form else "time"
     if days:
-        return _DAYS.format(why=_comment(str(why)), column=_text(days))
-    return _NO_TIME.format(why=_comment(why)) if why else ""
+        return local + _DAYS.format(why=_comment(str(why)), column=_text(days), table=table)
+    return local + (_NO_TIME.format(why=_comment(why), table=table) if why else "")
 
 
 def _rivals(known: Mapping[Signal, str], at_once: Sequence[Collection[Signal]]) -> set[Signal]:

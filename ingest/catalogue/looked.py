@@ -46,7 +46,30 @@ class Looked:
 
 def looked(channels: Sequence[ChannelData]) -> Looked:
     """A session of which memory holds all samples."""
-    return Looked(channels, quality.assess(channels))
+    ends = [_End(one.raws[one.raw[-1]], int(one.t_ns[-1])) if len(one.t_ns) else None for one in channels]
+    return Looked(channels, _to_the_end(quality.assess(channels), ends))
+
+
+@dataclass(frozen=True)
+class _End:
+    """The last stamp [ns] of a channel, and the file that it is from."""
+
+    raw: str
+    t_ns: int
+
+
+def _to_the_end(qualities: Sequence[ChannelQuality], ends: Sequence[_End | None]) -> list[ChannelQuality]:
+    """The qualities with the gap of a channel that came to its end before others of its file, as of a thermocouple that
+    goes open and stays so."""
+    last: dict[str, int] = {}
+    for each in (end for end in ends if end is not None):
+        last[each.raw] = max(each.t_ns, last.get(each.raw, each.t_ns))
+    found = []
+    for one, end in zip(qualities, ends, strict=True):
+        stamps = np.array([end.t_ns, last[end.raw]] if end else [], np.int64)
+        silent = quality.gaps_of(stamps, 1e9 / one.rate_Hz) if one.rate_Hz else ()
+        found.append(replace(one, gaps=(*one.gaps, *silent)))
+    return found
 
 
 def look(store: Store, facts: Facts, session: SessionRecorded) -> Looked:
@@ -79,7 +102,8 @@ def in_parts(store: Store, facts: Facts, session: SessionRecorded, most: int) ->
         _add(found, looked(load_within(session, files, part.read)), part, means)
     order = {name: i for i, name in enumerate(specs)}
     whole = sorted((one for one in found.values() if one.samples), key=lambda one: order.get(one.spec.name, len(order)))
-    return Looked([one.channel() for one in whole], [one.quality() for one in whole])
+    ends = [None if one.end_ns is None else _End(one.last_raw, one.end_ns) for one in whole]
+    return Looked([one.channel() for one in whole], _to_the_end([one.quality() for one in whole], ends))
 
 
 def _add(found: dict[str, _Channel], seen: Looked, part: _Part, means: _Means) -> None:
@@ -168,6 +192,7 @@ class _Channel:
     buses: tuple[str, ...]
     samples: int = 0
     end_ns: int | None = None  # its last stamp
+    last_raw: str = ""  # the file that it is from
     ranges: list[tuple[float, float]] = field(default_factory=list)  # a part: least and greatest value
     read: list[tuple[float, float]] = field(default_factory=list)  # and as they were read
     medians: list[float] = field(default_factory=list)  # a part: median interval [ns]
@@ -194,6 +219,7 @@ class _Channel:
         self.read.append((float(own.recorded.min()), float(own.recorded.max())))
         self.means.append(means(own))
         self.samples, self.end_ns = self.samples + len(own.t_ns), int(own.t_ns[-1])
+        self.last_raw = channel.raws[own.raw[-1]]
 
     def _stretch(self, channel: ChannelData, seen: ChannelQuality, part: _Part, index: int) -> None:
         """Add the stretches that begin in the part, and lengthen the one that goes on from the part before."""

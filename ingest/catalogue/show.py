@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ingest.catalogue import operating_points, power, quality
 from ingest.catalogue.channels import ChannelData
+from ingest.catalogue.contradicting import contradicting
 from ingest.catalogue.description import ChannelDescription, Repeats, SessionDescription, SourceDescription
 from ingest.catalogue.looked import Looked, look
 from ingest.catalogue.quality import ChannelQuality
@@ -31,7 +32,8 @@ def described(facts: Facts, session: SessionRecorded, samples: Looked) -> Sessio
     bench = facts.bench_of(session)
     decodes = [facts.decodes[file["decode"]] for file in session.files]
     flagged = [flag.says for file in session.files for flag in facts.flags.get(f"file-{file['raw']}", ())]
-    found = [flag.says for flag in quality.findings(qualities)]
+    found = [flag.says for flag in contradicting(channels, lambda raw: facts.files[raw].name)]
+    found += [flag.says for flag in quality.findings(qualities)]
     seen = [f"{one.name}: {one.finding}" for one in facts.inspections.values() if one.session == session.session]
     late = [one.says for one in facts.clocks_of(session)]
     impossible = [balance.says] if balance and not balance.possible else []

@@ -4,7 +4,8 @@ python-calamine reads it: https://github.com/dimastbk/python-calamine (MIT, inst
 times are those of the cells; what a text holds (numbers in German notation, stamps, units) is recognised as in CSV, the
 header too. Times of day alone, without a date in the sheet, count from their midnight where their column is called as
 times are, elsewhere as seconds, as durations do. The sheet is the one that `[time] sheet` names, else the first with a
-table, hidden ones last; `settings["other_sheets"]` names the others with a table.
+table whose times are recognised, else the first with a table, hidden ones last; `settings["other_sheets"]` names the
+others with a table.
 """
 
 from __future__ import annotations
@@ -19,9 +20,10 @@ from typing import Any
 from ingest.errors import UnreadableLogError, not_installed
 from ingest.formats import Rows, _csv_numbers, most_unpacked
 from ingest.formats._csv_clocks import Clock, Serial
-from ingest.formats._csv_dialect import SAMPLE_ROWS, Dialect, no_table_of
+from ingest.formats._csv_dialect import SAMPLE_ROWS, Dialect, cells, no_table_of, recognise_dialect
 from ingest.formats._csv_numbers import Numerals
-from ingest.formats._csv_time import ORIGIN_1904_NS, SERIAL_NS
+from ingest.formats._csv_tables import first_table
+from ingest.formats._csv_time import ORIGIN_1904_NS, SERIAL_NS, recognise_clock
 from ingest.formats._csv_time_names import is_time_name
 from ingest.formats._text import TextFile
 from ingest.formats._xlsx_sheets import Row, Workbook
@@ -124,7 +126,7 @@ class XlsxLog(CsvLog):
         try:
             self._book = Workbook(self.path, library)
             filled = [one for one in self._book.names if any(self._book.rows(one))]
-            tables = [one for one in filled if self._is_table(one)]
+            tables = {one: timed for one in filled if (timed := self._is_timed(one)) is not None}
         except DAMAGE as error:
             raise _damaged(self.path.name, error) from None
         if stated is not None and stated not in filled:
@@ -134,15 +136,25 @@ class XlsxLog(CsvLog):
             )
         if not filled:
             raise UnreadableLogError(f"{self.path.name}: no sheet of it holds a cell: nothing to read. Save it again.")
-        self.settings["sheet"] = stated or (tables or filled)[0]
+        dated = [one for one in tables if tables[one]]
+        self.settings["sheet"] = stated or (dated or [*tables] or filled)[0]
         if others := [one for one in tables if one != self.settings["sheet"]]:
             self.settings["other_sheets"] = others
 
-    def _is_table(self, sheet: str) -> bool:
-        """Whether a sheet begins with a header and rows that hold numbers."""
+    def _is_timed(self, sheet: str) -> bool | None:
+        """Whether the first rows of a sheet say their times; None where it does not begin with a header and rows that
+        hold numbers."""
         text = _SheetText(path=self.path, book=self._book, sheet=sheet)
-        lines = next(text.blocks()).decode().split("\n")
-        return no_table_of([line for line in lines if line][: 2 * SAMPLE_ROWS], self.path.name) is None
+        lines = [line for line in next(text.blocks()).decode().split("\n") if line][: 2 * SAMPLE_ROWS]
+        if no_table_of(lines, self.path.name) is not None:
+            return None
+        dialect = recognise_dialect(first_table(lines), self.path.name)
+        dialect = replace(dialect, rows=lambda: [cells(line, dialect.delimiter) for line in lines])
+        try:
+            recognise_clock(self.time, dialect, self.path.name)
+        except UnreadableLogError:
+            return False
+        return True
 
 
 def _since_midnight(cell: time) -> timedelta:

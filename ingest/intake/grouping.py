@@ -10,6 +10,7 @@ from itertools import combinations
 from ingest.bench.bench_file import Bench, read_bench
 from ingest.catalogue import kinds, quality
 from ingest.catalogue.channels import load_each
+from ingest.catalogue.contradicting import contradicting
 from ingest.catalogue.looked import Looked, is_long, look, looked
 from ingest.errors import IngestError
 from ingest.facts import facts as ledger_facts
@@ -81,6 +82,7 @@ def _group(
             if not event.kind:
                 event = _of_kind(event, kinds.recognise(seen.channels))
             found += quality.findings(seen.qualities)
+            found += contradicting(seen.channels, lambda raw: known.files[raw].name)
         elif not event.kind:
             event = _of_kind(event, kinds.EVALUATED)
         stream = f"session-{event.session}"

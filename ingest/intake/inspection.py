@@ -121,7 +121,11 @@ def draft(found: Inspection) -> str:
     settings: dict[str, Any] = {
         "labels": labels([name for name in tables[0] if all(name in one for one in tables)] if tables else ())
     }
-    settings |= {"untimed": untimed.note, "days": untimed.days} if untimed else {}
+    settings["absolute"] = any(one.reading.absolute for one in found.files if one.reading)
+    if untimed and untimed.reading:
+        forms = {one.reading.format for one in found.files if one.reading}
+        settings |= {"untimed": untimed.note, "days": untimed.days}
+        settings["format"] = untimed.reading.format if len(forms) > 1 else None
     return draft_bench([seen.signal for seen in found.signals], settings, name, found.at_once)
 
 

@@ -43,6 +43,7 @@ from replay.studies.diagnosis.question import Question, campaign_of, check, kept
 from replay.studies.diagnosis.search import find
 from replay.studies.diagnosis.two_models import two_models
 from replay.studies.sessions.fitting import fitting
+from twin.diagnosis.late_clocks import late_clocks
 from twin.diagnosis.refined import Tell
 from twin.diagnosis.rounds import EVIDENT
 from twin.diagnosis.swaps import misread, scan
@@ -80,8 +81,8 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
     campaign = campaign_of(question)
     model = campaign.healthy
     wrong = shown(model, question.train)
-    tell("looking for exchanged and misread channels")
-    if lines := misread(model):
+    tell("looking for late clocks, exchanged and misread channels")
+    if lines := late_clocks(model) or misread(model):
         raise ReplayDataError(lines[0])
     swaps = scan(model, campaign.candidates)
     contradictory = contradicting(model, question.train)

@@ -56,9 +56,10 @@ def measured(
 ) -> Measured:
     """Kept sessions under the recalibrated motor, with the named terms, and under the file as published. `kept_after`:
     the sessions with exchanged channels put right, for the motor with the terms."""
+    kept, kept_after = of_the_same_steps(kept, kept_after) if kept_after else (kept, kept)
     before = kept_tests(base, final.model, kept)
     try:
-        after = kept_tests(final, final.model, kept_after or kept)
+        after = kept_tests(final, final.model, kept_after)
     except DivergedError:
         if not named:
             raise
@@ -67,7 +68,8 @@ def measured(
     gain = _gain((before, after, kept_tests(None, final.model, kept)), train, kept, block_s)
     if not named:
         return Measured(gain, None, None, False, False, None, False, _masked_better(final, kept))
-    score = held_out_gain(before.scored, after.scored, block_s)
+    rows = zip(before.scored, after.scored, strict=True)  # of an exchanged channel, with the other's stamps
+    score = held_out_gain(before.scored, [replace(other, t_s=one.t_s) for one, other in rows], block_s)
     floors = {s.channel: floor_variance(s, final.model.noise_of(s.channel)) for s in final.model.residuals(final.beta)}
     halves = removes_excess(_by_channel(before), _by_channel(after), floors)
     why = None
@@ -81,6 +83,25 @@ def measured(
     square = [sum(float(p.residual @ p.residual) for p in found.predictions) for found in (before, after)]
     worse = square[1] > WORSE * square[0] or score.total < -LOST
     return Measured(gain, score.total, score.lower, score.few, why is None, why, worse, _masked_better(final, kept))
+
+
+def of_the_same_steps(kept: Sequence[Test], after: Sequence[Test]) -> tuple[list[Test], list[Test]]:
+    """Sessions as they are and with exchanged channels put right, each channel with the samples of those steps that
+    have some in both: one of two exchanged channels may have been open for a while, or be logged less often."""
+    pairs = [_of_the_same_steps(one, other) for one, other in zip(kept, after, strict=True)]
+    return [one for one, _ in pairs], [other for _, other in pairs]
+
+
+def _of_the_same_steps(one: Test, other: Test) -> tuple[Test, Test]:
+    channels = zip(one.channels, other.channels, strict=True)
+    there = [(a, b, (a.samples > 0) & (b.samples > 0)) for a, b in channels]
+    both = [(_where(steps, a), _where(steps, b)) for a, b, steps in there if steps.any()]
+    return replace(one, channels=tuple(a for a, _ in both)), replace(other, channels=tuple(b for _, b in both))
+
+
+def _where(steps: NDArray[np.bool_], channel: RecordedChannel) -> RecordedChannel:
+    """The channel with the samples of these steps alone."""
+    return replace(channel, samples=np.where(steps, channel.samples, 0.0))
 
 
 def _masked_better(final: Fit, kept: Sequence[Test]) -> dict[str, bool]:

@@ -22,6 +22,7 @@ from replay.errors import ReplayDataError
 
 SHOWN = 20  # points of a run
 POINT = re.compile(r"(?P<run>[0-9a-f]{4,16})(?:@(?P<time>[0-9.:]+))?(?:/(?P<channel>.+))?", re.IGNORECASE)
+OF_SESSION = re.compile(r"(?P<session>.+)@(?P<time>[0-9.:]+)(?:/(?P<channel>.+))?")
 RECORDS = re.compile(r"(?P<log>.+?):(?P<first>[0-9,]+)(?:-(?P<last>[0-9,]+))?")
 
 
@@ -64,13 +65,15 @@ class Lineage:
 
 
 def trace(store: Store, recorded: Sequence[Recorded], facts: Facts, text: str) -> Lineage:
-    """The lineage of `text`: the name or id of a fact, RUN@TIME/CHANNEL, or LOG:RECORD. Raises ReplayDataError,
-    CorrectionError, DamageError."""
+    """The lineage of `text`: the name or id of a fact, RUN@TIME/CHANNEL (RUN may be a session: its last replay), or
+    LOG:RECORD. Raises ReplayDataError, CorrectionError, DamageError."""
     chains = Chains(recorded, facts)
     at = POINT.fullmatch(text)
     runs = [run for run in facts.runs if at and run.startswith(at["run"].lower())]
     if at and len(runs) == 1:
         return _of_run(store, facts, chains, runs[0], at["time"], at["channel"])
+    if (of := OF_SESSION.fullmatch(text)) and (run := _last_run(facts, of["session"])):
+        return _of_run(store, facts, chains, run, of["time"], of["channel"])
     if (rows := RECORDS.fullmatch(text)) and (raw := _log(facts, rows["log"])):
         first = int(rows["first"].replace(",", ""))
         return _of_records(store, facts, chains, raw, first, int((rows["last"] or rows["first"]).replace(",", "")))
@@ -121,6 +124,18 @@ def _chain(facts: Facts, chains: Chains, text: str) -> Iterable[FactLink]:
         case "diagnosis":
             return chains.of_diagnosis(named.key)
     return chains.of_inspection(named.key)
+
+
+def _last_run(facts: Facts, text: str) -> str | None:
+    """The last replay of the session of this name or id; None where there is no such session. Raises ReplayDataError
+    where it has not been replayed."""
+    sessions = [one for one in facts.sessions if text in (one.name, one.session)]
+    if len(sessions) != 1:
+        return None
+    runs = [run for run, one in facts.runs.items() if one.session == sessions[0].session]
+    if not runs:
+        raise ReplayDataError(f"session {text}: has no replay to take a point of: `whyhot replay {text}` first.")
+    return runs[-1]
 
 
 def _log(facts: Facts, text: str) -> str | None:

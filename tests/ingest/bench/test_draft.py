@@ -94,6 +94,13 @@ def test_a_table_without_a_time_column_gets_a_rate_to_fill_in() -> None:
     assert "[time]" not in draft_bench([Signal("speed")], {"untimed": None}, "a.csv")
 
 
+def test_a_draft_of_dated_logs_says_where_their_zone_stands() -> None:
+    text = draft_bench([Signal("speed")], {"absolute": True}, "a.csv")
+    assert '# [time]\n# zone = "Europe/Berlin"\n' in text
+    both = draft_bench([Signal("speed")], {"absolute": True, "untimed": "none.", "format": "xlsx"}, "2 logs")
+    assert read_bench(both.encode(), "draft.toml").time_of["xlsx"].rate_hz == 1.0
+
+
 def test_equal_names_are_written_with_message_or_bus() -> None:
     signals = [Signal("T", "A", "can1", "°C"), Signal("T", "A", "can2", "°C"), Signal("T", "B", "can1", "°C")]
     text = draft_bench(signals, {}, "a.blf")

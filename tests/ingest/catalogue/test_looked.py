@@ -52,6 +52,7 @@ unit = "degC"
 node = "yoke"
 """
 ROWS = 24_000  # 40 minutes, 10 a second
+OPEN = 3_000
 
 
 def _no_motor(path: Path) -> MotorFile:
@@ -59,7 +60,8 @@ def _no_motor(path: Path) -> MotorFile:
 
 
 def table() -> NDArray[np.float64]:
-    """Time, speed, torque, power and two temperatures: a drive, with a dropout, a sensor that sticks, and a gap."""
+    """Time, speed, torque, power and two temperatures: a drive, with a dropout, a sensor that sticks, a gap, and a
+    thermocouple that is open from five minutes before the end on."""
     random = np.random.default_rng(3)
     t = np.arange(ROWS) / 10
     t[15_000:] += 400.0
@@ -70,6 +72,7 @@ def table() -> NDArray[np.float64]:
     yoke = 50 + 15 * np.sin(t / 700) + random.normal(0, 0.2, ROWS)
     winding[2_960:3_100] = winding[2_960]  # 14 s
     yoke[7_000:14_500] = yoke[7_000]  # 12 min
+    winding[-OPEN:] = np.nan
     columns = np.stack([t, speed, torque, power, winding, yoke], axis=1).astype(np.float64)
     return np.round(columns, 2)
 
@@ -106,6 +109,9 @@ def test_parts_show_what_the_whole_shows(store: Path, most: int) -> None:
         stuck = any(one.kind == "stuck" for one in b.stretches)  # a third of it has no noise: the median part has
         assert stuck or a.noise == pytest.approx(b.noise, rel=0.15)
     assert {one.kind for seen in whole.qualities for one in seen.stretches} == {"held", "stuck"}
+    gaps_s = {one.name: [gap.duration_s for gap in one.gaps] for one in whole.qualities}
+    assert gaps_s["U"] == [pytest.approx(400.1)]
+    assert gaps_s["T"] == [pytest.approx(400.1), pytest.approx(OPEN / 10)], "to the end of its log"
     balances = [power.balance(seen.channels) for seen in (parts, whole)]
     assert balances[0] and balances[1]
     assert balances[0].mechanical_kWh == pytest.approx(balances[1].mechanical_kWh, rel=1e-3)

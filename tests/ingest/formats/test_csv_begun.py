@@ -90,4 +90,4 @@ def test_the_line_that_dates_a_log_is_said(tmp_path: Path, capsys: pytest.Captur
     assert main(["inspect", str(path)]) == 0
     said = capsys.readouterr().out
     assert 'its times count from what stands above it: "Start: 24.12.2025 08:00:00"' in said
-    assert "with absolute time" in said
+    assert "from 2025-12-24 08:00:00 UTC" in said

@@ -155,6 +155,17 @@ def test_a_sheet_is_the_first_with_a_table_or_the_one_that_is_told(tmp_path: Pat
     assert read_bench(b'schema = "whyhot.bench/1"\n[time.xlsx]\nsheet = "B"\n', "b").time_of["xlsx"].sheet == "B"
 
 
+def test_a_sheet_with_times_goes_before_one_that_tells_of_the_meter(tmp_path: Path) -> None:
+    """What heads a workbook may look like a table of one row; the rows that the log is for have times."""
+    info: Sheet = [["Power Analyser LMG671"], ["Serial", 1234], ["Channels", 6]]
+    data: Sheet = [["Time", "P_Sum"], [None, "kW"], [MIDNIGHT, 1.5], [MIDNIGHT + timedelta(seconds=1), 1.6]]
+    path = write(tmp_path / "log.xlsx", Info=info, Data=data)
+    log, t_ns, columns = read(path)
+    assert (t_ns, columns) == ([MIDNIGHT_NS, MIDNIGHT_NS + S_NS], {"P_Sum": [1.5, 1.6]})
+    assert (log.settings["sheet"], log.settings["other_sheets"]) == ("Data", ["Info"])
+    assert read(path, TimeSpec(rate_hz=1.0))[0].settings["sheet"] == "Info"
+
+
 def test_a_hidden_sheet_is_read_where_no_other_holds_a_table(tmp_path: Path) -> None:
     table: Sheet = [["t", "T"], [0, 20], [1, 21]]
     path = write(tmp_path / "log.xlsx", Alt=table, Neu=[["t", "n"], [0, 5], [1, 6]], Text=[["Bericht"]])

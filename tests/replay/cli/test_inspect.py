@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from ingest.bench.bench_file import read_bench
@@ -56,8 +58,18 @@ def test_a_stamp_far_off_all_others_is_not_in_the_length_of_a_log(
     Path("a.csv").write_text("\n".join(["time,T", *rows]), encoding="utf-8")
     assert main(["inspect", "a.csv"]) == 0
     first, stray, *_ = capsys.readouterr().out.splitlines()
-    assert first == "a.csv   csv   60 rows in 59 min, with absolute time"
+    assert first == "a.csv   csv   60 rows in 59 min, from 2026-11-23 22:00:00 UTC"
     assert stray == "  1 record with a stamp far off all others (2106-02-07 06:28:15 UTC): left out"
+
+
+def test_a_draft_gives_a_rate_to_the_logs_of_one_format_where_others_have_stamps(logs: Path, capsys: Capture) -> None:
+    """A rate in `[time]` itself would have taken the stamps from all tables."""
+    pq.write_table(pa.table({"T": [20.0, 21.0]}), "a.parquet")
+    Path("tc.csv").write_text("time,T_winding\n2026-11-23T22:00:00,25.0\n2026-11-23T22:00:01,25.1\n", encoding="utf-8")
+    assert main(["inspect", "a.parquet", "tc.csv", "--bench-draft", "d.toml"]) == 0
+    assert "2 rows in 1 s, from 2026-11-23 22:00:00 UTC" in capsys.readouterr().out
+    bench = read_bench(Path("d.toml").read_bytes(), "d.toml")
+    assert (bench.time.rate_hz, bench.time_of["parquet"].rate_hz) == (None, 1.0)
 
 
 def test_a_draft_of_frames_without_a_database_is_refused_in_one_line(logs: Path, capsys: Capture) -> None:

@@ -73,6 +73,19 @@ def test_a_row_of_residuals_leads_to_the_frame_that_holds_its_sample(store: Path
     assert all(one["where"].startswith("byte ") for one in records.values())
 
 
+def test_a_point_may_be_asked_for_by_the_name_of_the_session(
+    store: Path, capsys: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (row,) = ask(store, capsys, "sql", "SELECT run FROM runs")["rows"]
+    found = ask(store, capsys, "lineage", "1_s1@0:00:30/TC_magnet")
+    assert found["points"] == ask(store, capsys, "lineage", f"{row['run']}@30/TC_magnet")["points"]
+    monkeypatch.chdir(tmp_path)
+    Path("a.csv").write_text("time,T\n0,20.0\n1,20.1\n", encoding="utf-8")
+    assert main(["ingest", "a.csv", "--store", "s"]) == 0
+    assert main(["lineage", "a@1/T", "--store", "s"]) == 2
+    assert "session a: has no replay to take a point of: `whyhot replay a` first." in capsys.readouterr().err
+
+
 def test_the_mean_error_of_a_report_is_that_of_the_steps_behind_it(store: Path, capsys: Capture) -> None:
     (run,) = ask(store, capsys, "sql", "SELECT run, summary->'mae_K'->>'magnet' AS mae FROM runs")["rows"]
     (point,) = ask(store, capsys, "lineage", f"{run['run'][:8]}/magnet")["points"]

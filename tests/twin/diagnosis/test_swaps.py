@@ -175,6 +175,15 @@ def test_channels_in_degc_are_not_called_misread() -> None:
     assert swaps.misread(_model(network, _tests(network))) == []
 
 
+def test_a_channel_whose_clock_is_late_by_half_a_minute_is_not_in_another_unit() -> None:
+    """In pulses it fits no reading; all that counts is that as degF it would be further off still."""
+    network = made.every_law()
+    drive = made.pulses(1200.0)
+    (test,) = [made.recorded(network, {**drive, "current": 1.7 * drive["current"]}, INITIAL, seed=0)]
+    late = tuple(replace(c, measured=np.r_[np.full(18, c.measured[0]), c.measured[:-18]]) for c in test.channels)
+    assert swaps.misread(_model(network, (replace(test, channels=(late[0], *test.channels[1:])),))) == []
+
+
 def test_what_another_cause_explains_better_is_no_exchange(monkeypatch: pytest.MonkeyPatch) -> None:
     """The pair stands out before calibration and after it, and not beside a candidate that explains as much."""
     network = made.every_law()

@@ -11,6 +11,7 @@ from made.motor import CHANNELS, Drive, every_law, recorded, smooth
 from replay.studies.diagnosis.answer import KeptGain
 from replay.studies.diagnosis.as_recorded import AsRecorded, measured_as_recorded
 from replay.studies.diagnosis.kept_sessions import Measured, measured
+from twin.diagnosis.swaps import exchanged
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import Fit, fit
@@ -61,6 +62,21 @@ def test_errors_where_training_was_and_where_it_was_not_are_told_apart() -> None
 def test_where_no_kept_time_was_there_is_no_error() -> None:
     assert _gain(_test(0.5, 0.5)).rms_outside_K == []
     assert _gain(_test(0.95, 0.95)).rms_inside_K == []
+
+
+def test_exchanged_channels_of_a_kept_session_may_have_gaps_and_stamps_of_their_own() -> None:
+    """One of them was open for ten minutes, and is logged by another logger; nothing counts that only one can say."""
+    train, kept = _test(0.5, 0.5), _test(0.5, 0.95)
+    winding, yoke, *others = kept.channels
+    samples = np.where(np.arange(len(yoke.samples)) < 400, yoke.samples, 0.0)
+    yoke = replace(yoke, samples=samples, place=np.full(len(samples), 0.2))
+    kept = replace(kept, channels=(winding, yoke, *others))
+    right = exchanged([kept], winding.name, yoke.name)
+    found = measured(_fitted(train), _fitted(train), [train], [kept], True, right)
+    gain = {one.node: one for one in found.gain}
+    assert found.log_score_gain is not None and found.log_score_gain < 0, "they were not exchanged"
+    assert gain["winding"].mae_after_K > gain["winding"].mae_before_K
+    assert gain["magnet"].mae_after_K == pytest.approx(gain["magnet"].mae_before_K, abs=1.0)
 
 
 def _gained(**residual_K: float) -> tuple[Measured, dict[str, AsRecorded]]:
