@@ -181,4 +181,4 @@ def test_one_session_has_the_filter_s_own_band_and_says_so(bench: Path, capsys: 
     text = " ".join(capsys.readouterr().out.split())
     assert "Bands the filter's own: they hold noise, and not what the model gets wrong" in text
     assert "need 3 sessions with the channel" in text
-    assert " % of 1 session" in text
+    assert " % in 1 session" in text
