@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks.trial.answers import ENDS
 from benchmarks.trial.campaigns import kept_count, logged, moved_by, planned, read
 from benchmarks.trial.cases import Case, Hidden, in_catalogue, scaled
-from benchmarks.trial.visibility import healthy_mode, seen
+from benchmarks.trial.visibility import healthy_mode, strength
 from plant import Effect, Plant
 from plant.forms import FORMS
 
@@ -38,7 +38,7 @@ def strengths(reference: Case, causes: Sequence[str]) -> dict[str, float | None]
     for effect in map(in_catalogue, causes):
         with contextlib.suppress(ArithmeticError, ValueError):  # a motor that runs away with it
             moved = moved_by(effect, reference, plan, without)
-            found[effect.cause] = seen(mode, campaign.candidates, effect, moved).d
+            found[effect.cause] = strength(mode, campaign.candidates, effect, moved)
     return found
 
 

@@ -67,14 +67,50 @@ def healthy_mode(campaign: Campaign) -> Fit:
     return calibrated(campaign.healthy, campaign.candidates, lambda _: None)
 
 
+def strength(mode: Fit, candidates: Sequence[Candidate], effect: Effect, moved: Sequence[Course]) -> float | None:
+    """d of an effect at a healthy mode, `moved` what it does to the readings of each session; None where it has
+    none."""
+    line = _line(mode, candidates, effect, moved)
+    return None if line is None else line.d
+
+
 def seen(mode: Fit, candidates: Sequence[Candidate], effect: Effect, moved: Sequence[Course]) -> Seen:
-    """How well an effect can be seen at a healthy mode, `moved` what it does to the readings of each session."""
+    """How well an effect can be seen at a healthy mode, `moved` as for `strength`."""
+    line = _line(mode, candidates, effect, moved)
+    if line is None:
+        return Seen(effect.cause, effect.size)
+    if line.j <= 0.0:
+        return Seen(effect.cause, effect.size, 0.0, 0.0)
+    if line.own is None:
+        expected = float(log_bayes_factor(*(np.array([value]) for value in (line.s, line.j, 1.0, 0)))[0])
+    else:
+        expected = _expected(mode, *line.own, line)
+    return Seen(effect.cause, effect.size, line.d, expected)
+
+
+@dataclass(frozen=True)
+class _Line:
+    """An effect on the straight line through a healthy mode: J and s; what it does to the rows of each of `parts`
+    (`shifts`); and the candidate that is its `own`, with its parameter."""
+
+    j: float
+    s: float
+    parts: Sequence[Columns]
+    shifts: Sequence[Floats]
+    own: tuple[Candidate, Parameter] | None
+
+    @property
+    def d(self) -> float:
+        return abs(self.s) / self.j**0.5 if self.j > 0.0 else 0.0
+
+
+def _line(mode: Fit, candidates: Sequence[Candidate], effect: Effect, moved: Sequence[Course]) -> _Line | None:
     own = [c for c in candidates if either_way(str(c.cause)) == either_way(effect.cause) and not c.discrete][:1]
     parameters = [Proposals(mode.model, mode.beta).parameter(c) for c in own]
     parts = mode.model.linearise(mode.beta, parameters)
     if effect.kind in READ_WRONG:
         if not parameters:
-            return Seen(effect.cause, effect.size)
+            return None
         shifts = _read_wrong(mode, parameters, effect.size)
     else:
         shifts = [_moved(mode.model, part, moved) for part in parts]
@@ -85,25 +121,16 @@ def seen(mode: Fit, candidates: Sequence[Candidate], effect: Effect, moved: Sequ
     column = v[:, 0] if parameters else x
     j = float(projector.inner(column, column))
     s = effect.size * j if effect.kind in READ_WRONG else float(projector.inner(column, x))
-    if j <= 0.0:
-        return Seen(effect.cause, effect.size, 0.0, 0.0)
-    if own:
-        expected = _expected(mode, own[0], parameters[0], parts, shifts, s / (j + 1 / parameters[0].sd ** 2))
-    else:
-        expected = float(log_bayes_factor(*(np.array([value]) for value in (s, j, 1.0, 0)))[0])
-    return Seen(effect.cause, effect.size, abs(s) / j**0.5, expected)
+    return _Line(j, s, parts, shifts, next(zip(own, parameters, strict=True), None))
 
 
-def _expected(
-    mode: Fit,
-    candidate: Candidate,
-    parameter: Parameter,
-    parts: Sequence[Columns],
-    shifts: Sequence[Floats],
-    amplitude: float,
-) -> float:
-    """What a cause gains on readings without noise, each row moved by `shifts`; its search begins at an `amplitude`."""
-    model = Model(mode.model.network, _as_predicted(mode, parts, shifts), mode.model.parameters, mode.model.noise)
+def _expected(mode: Fit, candidate: Candidate, parameter: Parameter, line: _Line) -> float:
+    """What a cause gains on readings without noise, each row moved by its shift; its search begins where the line has
+    it."""
+    amplitude = line.s / (line.j + 1 / parameter.sd**2)
+    model = Model(
+        mode.model.network, _as_predicted(mode, line.parts, line.shifts), mode.model.parameters, mode.model.noise
+    )
     inside = float(np.clip(amplitude, 0.9 * parameter.low, 0.9 * parameter.high)) or 1e-3 * parameter.sd
     without = fit(model, mode.beta, NEAR_ENOUGH)
     begun = [np.append(beta, inside) for beta in (mode.beta, without.beta)]

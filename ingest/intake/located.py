@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from ingest.facts.store import Store
 from ingest.formats import REMOTE, Frames, Rows, open_log, recognise
 from ingest.intake.setup import sealed_setup
 from ingest.log.recording import id_text
+from ingest.texts.times import to_second
 
 CELLS = 8  # of a row that are shown
 
@@ -37,7 +37,7 @@ class Located:
         seconds = f"{self.t_ns % 1_000_000_000:09}".rstrip("0")
         if not absolute:
             return f"{self.t_ns / 1e9:.9g} s"
-        stamp = datetime.fromtimestamp(self.t_ns // 1_000_000_000, UTC).strftime("%Y-%m-%d %H:%M:%S")
+        stamp = to_second(self.t_ns)
         return f"{stamp}.{seconds}" if seconds else stamp
 
 

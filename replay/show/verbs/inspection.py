@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping, Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from ingest.intake.inspection import FoundSignal, InspectedFile, Inspection
 from ingest.log import unread
+from ingest.texts.times import to_second
 from replay.show.words.words import counted, duration
 
 SHOWN = 40  # signals; the JSON has all
@@ -93,7 +93,7 @@ def _file_lines(one: InspectedFile) -> list[str]:
     assert reading is not None
     start, end = reading.start_ns, reading.end_ns
     seconds = 0.0 if start is None or end is None else (end - start) / 1e9
-    clock = f"from {_stamp(start)} UTC" if reading.absolute and start is not None else "time from its own start"
+    clock = f"from {to_second(start)} UTC" if reading.absolute and start is not None else "time from its own start"
     holds = reading.holds if reading.found != 1 else reading.holds.removesuffix("s")
     lines = [f"{one.path.name}   {reading.format}   {reading.found:,} {holds} in {duration(seconds)}, {clock}"]
     if count := reading.settings.get("zeros_at_head"):
@@ -134,11 +134,6 @@ def _file_lines(one: InspectedFile) -> list[str]:
         first = reading.rejections[0]
         lines.append(f"  {reading.rejected:,} rejected, the first at {first.where}: {first.why}")
     return lines
-
-
-def _stamp(ns: int) -> str:
-    """A stamp [ns since 1970] to the second."""
-    return f"{datetime.fromtimestamp(ns // 10**9, UTC):%Y-%m-%d %H:%M:%S}"
 
 
 def _long_table(long: Mapping[str, Any]) -> str:
