@@ -54,7 +54,7 @@ rate_hz = 1.0                  # CHECK: no time was recognised; how many rows a 
 """
 _LOCAL = """
 # Stamps that name no zone are read as UTC. Where they are local, say so: of all logs here, of one format as \
-[time.csv], [time.blf] ...
+[time.csv], or of one [[logger]].
 # [time]
 # zone = "Europe/Berlin"
 """
