@@ -244,7 +244,7 @@ def _line(t: Array, lag: Array, sd: Array, step: float) -> tuple[float, float, A
 def _weighted(t: Array, lag: Array, sd: Array) -> tuple[Array, Array]:
     """The line through lags of these sd (K,), its height at `t` = 0 and its slope, and their covariance (2, 2)."""
     design = np.column_stack([np.ones(len(t)), t]) / sd[:, None]
-    covariance: Array = np.linalg.inv(design.T @ design)
+    covariance = np.asarray(np.linalg.inv(design.T @ design), np.float64)
     return covariance @ design.T @ (lag / sd), covariance
 
 
