@@ -89,7 +89,9 @@ def decode_file(
     groups = groups_of(reading, means)
     said: dict[str, Any] = {"databases": notes, "missing": plan(groups, channels, bench, texts)}
     said["changes"] = _changes(bench, reading)
-    said["times"] = [times_of(reading, bench.time_for(reading.format, name) if bench else TimeSpec())]
+    logger = bench.logger_of(name) if bench else None
+    times = times_of(reading, bench.time_for(reading.format, name) if bench else TimeSpec())
+    said["times"] = [f"logger {logger.name}, {times}" if logger else times]
     specimens = Specimens(bench, reading.columns)
     faults = stamps.look(path) if _is_long(reading) else None  # only in such a log can a stamp be far off
     with ThreadPoolExecutor(WRITERS) as pool:

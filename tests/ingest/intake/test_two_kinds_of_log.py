@@ -102,6 +102,15 @@ def test_two_tables_of_one_kind_are_explained_by_their_loggers(tmp_path: Path, c
     ]
 
 
+def test_show_says_whose_stamps_they_are(tmp_path: Path, capsys: Capture) -> None:
+    logger = '[[logger]]\nname = "drive"\nfiles = "log.*"\n'
+    logs = write_logs(tmp_path, "epoch_s,MotorSpeed\n1760000000,1\n1760000001,2\n")
+    rows_of(tmp_path, capsys, BENCH + logger, logs, "SELECT 1")
+    assert main(["show", "log", "--store", str(tmp_path / "store")]) == 0
+    said = [line for line in capsys.readouterr().out.splitlines() if "times: " in line]
+    assert len(said) == 2 and all("times: logger drive, " in line for line in said)
+
+
 def test_lines_to_skip_that_are_all_there_is_are_refused(tmp_path: Path, capsys: Capture) -> None:
     (tmp_path / "log.csv").write_text("a;b\n1;2\n", encoding="utf-8")
     (tmp_path / "bench.toml").write_text('schema = "whyhot.bench/1"\n[time]\nskip_rows = 7\n', encoding="utf-8")
