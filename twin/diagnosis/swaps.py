@@ -25,7 +25,7 @@ from twin.diagnosis.next_tests import read_throughout
 from twin.diagnosis.rounds import weighed
 from twin.differences.candidates import Candidate
 from twin.errors import DivergedError
-from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
+from twin.fitting.fit import Fit, fit_from_file
 from twin.fitting.model import Floats, Index, Model, Test
 from twin.fitting.noise import ChannelNoise, Series, log_det, whiten
 from twin.fitting.recorded import RecordedChannel
@@ -128,7 +128,7 @@ class _AsRecorded:
 
 def _calibrated(model: Model) -> Fit | None:
     try:
-        return fit(model, np.zeros(len(model.parameters)), NEAR_ENOUGH)
+        return fit_from_file(model)
     except DivergedError:
         return None
 
