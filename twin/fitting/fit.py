@@ -9,9 +9,10 @@ A motor that is far from its file lies at the end of a bent valley, where straig
 step is a piece of a parabola (geodesic acceleration: M. K. Transtrum, J. P. Sethna, arXiv:1201.5885): with v the damped
 step and a what the curvature of the readings along it adds, the search moves to beta + t v + t^2 a, as far (t up to 1)
 as a stays a correction of v. And there is more than one valley: which one a search ends in is decided by its first
-steps, which under narrow noise follow a few readings far from the file. So it first looks where the priors hold it near
-the file, under wide noise, and goes on from there (continuation: E. L. Allgower, K. Georg, Introduction to Numerical
-Continuation Methods, SIAM 2003, doi:10.1137/1.9780898719154).
+steps, which under narrow noise follow a few readings far from the file. So where a search from the file does not end
+soon, another looks first under wide noise, where the priors hold it near the file, and goes on from there
+(continuation: E. L. Allgower, K. Georg, Introduction to Numerical Continuation Methods, SIAM 2003,
+doi:10.1137/1.9780898719154).
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from twin.fitting.noise import Series, log_det
 Floats = NDArray[np.float64]
 
 NEAR_ENOUGH = 0.5  # of ln posterior, where evidences are compared
+SOON = 12  # linearisations, in which a motor near its file is fitted from there
 WIDE, NEAR_THE_FILE = 10.0, 5.0  # times the noise, and what is enough there
 ON_THE_WAY = 4  # linearisations of a fit that another follows under other noise or priors
 ENOUGH = 0.05  # what is left to gain in ln posterior, by the quadratic model, when the search ends
@@ -89,13 +91,22 @@ class Fit:
 
 
 def fit_from_file(model: Model) -> Fit:
-    """The mode that is near the file: from the file's own numbers under wide noise, then under the model's, both to
-    what is enough to compare evidences. Raises as `fit`."""
+    """The mode that a search from the file's own numbers ends in, or, where it does not end soon, one from there by way
+    of wide noise, if that is better; to what is enough to compare evidences. Raises as `fit`."""
+    straight = fit(model, np.zeros(len(model.parameters)), NEAR_ENOUGH, SOON)
+    if straight.converged:
+        return straight
+    around = fit(model, _under_wide_noise(model).beta, NEAR_ENOUGH)
+    if around.converged and around.cost < straight.cost:
+        return around
+    return max(around, fit(model, straight.beta, NEAR_ENOUGH), key=lambda found: found.log_evidence)
+
+
+def _under_wide_noise(model: Model) -> Fit:
     names = {one.name for test in model.tests for one in (*test.channels, *test.meters, *test.supposed)}
     own = {name: model.noise_of(name) for name in names}
     wide = {name: replace(one, ar_sd=WIDE * one.ar_sd, ou_sd=WIDE * one.ou_sd) for name, one in own.items()}
-    near = fit(model.with_noise(wide), np.zeros(len(model.parameters)), NEAR_THE_FILE, ON_THE_WAY)
-    return fit(model, near.beta, NEAR_ENOUGH)
+    return fit(model.with_noise(wide), np.zeros(len(model.parameters)), NEAR_THE_FILE, ON_THE_WAY)
 
 
 def fit(model: Model, start: Floats, enough: float = ENOUGH, linearisations: int = LINEARISATIONS) -> Fit:

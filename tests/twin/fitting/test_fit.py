@@ -127,9 +127,11 @@ def _linear(seed: int) -> Model:
     return Model(every_law(), [test], own, noise)
 
 
-@pytest.mark.parametrize(("seed", "times", "better"), [(4, 8.0, True), (0, 8.0, False), (1, 3.0, False)])
-def test_a_fit_from_the_file_ends_in_the_valley_that_begins_there(seed: int, times: float, better: bool) -> None:
-    """Of a motor eight times as far off as its priors say, the first steps under narrow noise may miss it."""
+@pytest.mark.parametrize(("seed", "times", "better"), [(20, 20.0, True), (2, 12.0, False), (1, 3.0, False)])
+def test_a_fit_from_the_file_goes_by_way_of_wide_noise_where_that_is_better(
+    seed: int, times: float, better: bool
+) -> None:
+    """Of a motor twenty times as far off as its priors say, the first steps under narrow noise may miss its valley."""
     model = _motor_and_fit(seed, times)[0].model
     straight = fit(model, np.zeros(len(model.parameters)), NEAR_ENOUGH)
     found = fit_from_file(model)
