@@ -33,7 +33,7 @@ class Account:
     rejected: Counter[str] = field(default_factory=Counter)  # by reason
     first_rejected: list[Rejected] = field(default_factory=list)
     first_unreadable: Rejected | None = None
-    not_available: Counter[str] = field(default_factory=Counter)  # "message.signal" of J1939 -> how often it says so
+    not_available: Counter[str] = field(default_factory=Counter)  # "message.signal" -> how often it says so
     errors: Counter[str] = field(default_factory=Counter)  # and how often that there is an error
     carried: int = 0  # frames that were decoded, beyond one for each row: packets of longer messages
 

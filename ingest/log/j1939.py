@@ -82,8 +82,8 @@ def no_numbers(raw: NDArray[np.uint64], layout: Layout) -> tuple[NDArray[np.bool
 
 
 def findings(name: str, settings: Mapping[str, Any]) -> list[QualityFlagged]:
-    """A flag of the file `name` for each thing that the settings of its decode say of J1939: values without a number,
-    and messages of several packets that are not whole."""
+    """A flag of the file `name` for each thing that the settings of its decode say: values without a number, and
+    messages of several packets that are not whole."""
     said = {"not_available": '"not available" in place of a number', "errors": '"error" in place of a number'}
     told = {flag: f"{_most(settings[flag])} {says}: missing" for flag, says in said.items() if flag in settings}
     if broken := settings.get("rejected", {}).get(BROKEN):
