@@ -7,12 +7,12 @@ from typing import Any
 
 from ingest.facts.events import QualityFlagged
 
-SHEETS, TEXTS, TIMES = "sheets_unread", "numbers_as_text", "time_either"
+SHEETS, TEXTS, TIMES, DATE = "sheets_unread", "numbers_as_text", "time_either", "date_unread"
 
 
 def findings(name: str, settings: Mapping[str, Any]) -> list[QualityFlagged]:
     """A flag of the file `name` for each: further sheets of a workbook, columns whose cells say more than a number, or
-    one that may be two, and times that may be others."""
+    one that may be two, times that may be others, and a date that is none."""
     told = {}
     if others := settings.get("other_sheets"):
         told[SHEETS] = f"sheet {settings['sheet']} was read, and not {', '.join(others)} ([time] sheet tells another)"
@@ -24,4 +24,6 @@ def findings(name: str, settings: Mapping[str, Any]) -> list[QualityFlagged]:
             f'"{cell}" in {settings["time_column"]} is read as hours and minutes; if it is minutes and seconds, say '
             'format = "%M:%S" under [time] of the bench file'
         )
+    if date := settings.get("date_not_understood"):
+        told[DATE] = f'its date "{date}" is not understood, and not used: say start under [time] of the bench file'
     return [QualityFlagged(flag=flag, says=f"{name}: {says}", detail={"file": name}) for flag, says in told.items()]
