@@ -38,6 +38,7 @@ RATIO, ALWAYS = 200, 256 << 20  # a packed file may unpack to this many times it
 BATCH_ROWS = 100_000  # at most
 SHOWN = 64  # first bytes, or characters, of what cannot be read
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+WALL_CLOCK = "the recorder's wall clock"  # setting "time" of a log whose date is one, without a zone
 YEARS = (1971, 2200)  # of a log: in 1970 no clock was set, and int64 nanoseconds end in 2262
 
 
