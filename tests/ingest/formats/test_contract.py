@@ -198,6 +198,8 @@ HEADS = {  # of files that programs beside loggers write -> what a person does t
     b"<?xml version='1.0'?>\n<svg": "whyhot attach",
     b"        Kvaser Memorator Log\r\n        ====================\r\n": "MF4",
     b"Line,Abs Time(Sec),Rel Time (Sec),Status,Er,Tx,Description,Network,Node,Arb ID,Remote\r\n1,0.0,0,4,F,F": "ASC",
+    b"   Chn Identifier Flg   DLC  D0...1...2...3...4...5...6..D7       Time     Dir\n": "MF4",
+    b"Bus,Time,Type,ID,DLC,Data\n1,0.1,DT,0x123,2,01 02\n": "ASC, BLF, TRC or MF4",
     b"  can0  123   [8]  01 02 03 04 05 06 07 08\n": "candump -l",
     b"x.csv".ljust(257, b"\0") + b"ustar": "tar xf",
     b"7z\xbc\xaf\x27\x1c": "7z x",
