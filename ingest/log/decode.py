@@ -22,7 +22,7 @@ from ingest.bench.resolving import ResolvedChannel
 from ingest.facts.durable import sha256_of
 from ingest.facts.events import DecodeCompleted
 from ingest.formats import SERIES, Frames, Rejected, Rows
-from ingest.log import clock, held, recording, stamps
+from ingest.log import clock, held, meant, recording, stamps
 from ingest.log.ahead import ahead
 from ingest.log.balance import Account, outcome
 from ingest.log.clock import JUMP_NS, times_of
@@ -83,9 +83,12 @@ def decode_file(
     path = folder / RECORDING
     messages, notes = merged(databases)
     texts = _texts(path, reading) if reading.holds == "rows" else set()
-    means = explained(messages, {can_id for _, can_id in identifiers(reading)})
+    seen = identifiers(reading)
+    names = {signal.qualified for one in channels for signal in one.signals}
+    means = explained(messages, {can_id for _, can_id in seen}, meant.on_bus(databases, seen, names))
     groups = groups_of(reading, means)
     said: dict[str, Any] = {"databases": notes, "missing": plan(groups, channels, bench, texts)}
+    said["databases_differ"] = meant.untold(databases, seen, names)
     said["changes"] = _changes(bench, reading)
     said["times"] = [times_of(reading, bench)]
     specimens = Specimens(bench, reading.columns)

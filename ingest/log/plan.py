@@ -96,7 +96,10 @@ def groups_of(reading: LogReading, means: Explained) -> list[SignalGroup]:
         ]
     there = means.there(identifiers(reading))
     seen = [
-        (bus, message) for bus in reading.buses for can_id, message in means.messages.items() if (bus, can_id) in there
+        (bus, means.message(bus, can_id))
+        for bus in reading.buses
+        for can_id in means.messages
+        if (bus, can_id) in there
     ]
     return [
         SignalGroup(name, message, bus, tuple(signals_of(message, bus_name(bus))))

@@ -8,11 +8,12 @@ from typing import Any
 from ingest.facts.events import QualityFlagged
 
 SHEETS, TEXTS, TIMES, DATE = "sheets_unread", "numbers_as_text", "time_either", "date_unread"
+MESSAGES = "databases_differ"
 
 
 def findings(name: str, settings: Mapping[str, Any]) -> list[QualityFlagged]:
     """A flag of the file `name` for each: further sheets of a workbook, columns whose cells say more than a number, or
-    one that may be two, times that may be others, and a date that is none."""
+    one that may be two, times that may be others, a date that is none, and frames of which databases differ."""
     told = {}
     if others := settings.get("other_sheets"):
         told[SHEETS] = f"sheet {settings['sheet']} was read, and not {', '.join(others)} ([time] sheet tells another)"
@@ -26,4 +27,6 @@ def findings(name: str, settings: Mapping[str, Any]) -> list[QualityFlagged]:
         )
     if date := settings.get("date_not_understood"):
         told[DATE] = f'its date "{date}" is not understood, and not used: say start under [time] of the bench file'
+    if differ := settings.get(MESSAGES):
+        told[MESSAGES] = differ
     return [QualityFlagged(flag=flag, says=f"{name}: {says}", detail={"file": name}) for flag, says in told.items()]

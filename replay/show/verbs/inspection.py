@@ -12,7 +12,7 @@ from ingest.log import unread
 from ingest.texts.times import to_second
 from replay.show.words.words import counted, duration
 
-SHOWN = 40  # signals; the JSON has all
+SHOWN, NOTES = 40, 10  # signals, and notes on databases; the JSON has all
 
 
 def inspection_json(found: Inspection) -> dict[str, Any]:
@@ -25,6 +25,7 @@ def inspection_json(found: Inspection) -> dict[str, Any]:
             for s in found.signals
         ],
         "unknown_ids": found.unknown_ids,
+        "notes": list(found.notes),
     }
 
 
@@ -59,6 +60,9 @@ def inspection_text(found: Inspection) -> str:
         lines.append(f"  and {len(found.signals) - SHOWN} more signals (--json has all)")
     for key, count in list(found.unknown_ids.items())[:10]:
         lines.append(f"  {key}: {count:,} frame{'s' * (count != 1)} that no database explains")
+    lines += [f"  {note}" for note in found.notes[:NOTES]]
+    if len(found.notes) > NOTES:
+        lines.append(f"  and {len(found.notes) - NOTES} more notes on the databases (--json has all)")
     return "\n".join(lines)
 
 
