@@ -95,11 +95,16 @@ class _Stamps:
         return t_ns, bad, [value.tobytes() for value in found]
 
 
+NO_CLOCK = "no time: the channel has no wf_increment, and its group no channel that holds the time"
+NO_DATE = "no date, as other rows of the file have one: say start under [time] of the bench file"
+
+
 @dataclass(frozen=True)
 class _Untimed:
-    """No time at all, in a file whose other rows have one."""
+    """No time at all, or none that can be compared, in a file whose other rows have one."""
 
     group: str
+    why: str = NO_CLOCK
     says: str = "none"
     origin_ns: int | None = 0
 
@@ -225,7 +230,7 @@ class TdmsLog(JoinedTables):
                 f"{self.path.name}: no channel says its time (wf_increment), and none holds it. Under [time] of the "
                 'bench file say rate_hz = 1.0 (rows at a fixed rate), or column = "..." with unit.'
             )
-        return found
+        return _dated(found)
 
     def _stated(self, channels: Sequence[Any]) -> Any | None:
         """The channel that `[time]` of the bench file names."""
@@ -300,9 +305,21 @@ def _where(file: TdmsFile, channels: Sequence[Any], numbers: Ints, i: int) -> st
     return file.where(next(one for one in channels if number < len(one)), number)
 
 
+def _dated(found: dict[_Base, list[Any]]) -> dict[_Base, list[Any]]:
+    """The bases, those without a date as none at all where others have one: nothing says how they lie to each other."""
+    timed = [base for base in found if not isinstance(base, _Untimed)]
+    if len({base.origin_ns is None for base in timed}) < 2:
+        return found
+    dated: dict[_Base, list[Any]] = {}
+    for base, channels in found.items():
+        undated = _Untimed(channels[0].group_name, NO_DATE) if base.origin_ns is None else base
+        dated.setdefault(undated, []).extend(channels)
+    return dated
+
+
 def _why(base: _Base) -> str:
     if isinstance(base, _Untimed):
-        return "no time: the channel has no wf_increment, and its group no channel that holds the time"
+        return base.why
     return f"no time in {base.says}" if isinstance(base, _Stamps) else "its time is beyond what can be kept"
 
 

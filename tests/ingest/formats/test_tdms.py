@@ -180,6 +180,18 @@ def test_values_without_any_time_beside_others_that_have_one_are_rejected(tmp_pa
     assert one.why.startswith("no time: the channel has no wf_increment")
 
 
+@pytest.mark.parametrize("other", ["waveform", "seconds"])
+def test_rows_that_count_from_an_unknown_start_are_rejected_beside_dated_ones(tmp_path: Path, other: str) -> None:
+    ticks = [wave("B", "b", [7.0, 8.0], 0.5, None)]
+    seconds = [plain("B", "Time (s)", [0.0, 0.5]), plain("B", "b", [7.0, 8.0])]
+    path = write(tmp_path / "log", [wave("A", "a", [1.0, 2.0]), *(ticks if other == "waveform" else seconds)])
+    log, t_ns, columns = read(path)
+    assert (log.absolute, list(t_ns), list(columns["a"])) == (True, [START_NS, START_NS + S_NS], [1, 2])
+    assert [one.why.split(":")[0] for one in log.rejected] == ["no date, as other rows of the file have one"] * 2
+    log, _, columns = read(path, TimeSpec(start_ns=START_NS))
+    assert (log.absolute, len(log.rejected), np.nansum(columns["b"])) == (True, 0, 15)
+
+
 def test_a_channel_without_times_that_is_as_long_as_the_waveforms_of_its_group_has_theirs(tmp_path: Path) -> None:
     start = np.datetime64("2024-03-01T08:00:00")
     timed = wave("bench", "T", [20.0, 21.0], 0.5, start)
