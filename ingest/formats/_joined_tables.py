@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -39,12 +39,19 @@ class OwnTimes:
     where: Callable[[int], str]
 
 
+NO_DATE = "no date, as other rows of the file have one: say start under [time] of the bench file"
 Span = tuple[OwnTimes, int, Ints]  # of a table: the number of a record, and the rows of it and of those behind it
 
 
 def held(t_ns: Ints, bad: Flags) -> Callable[[int, int], tuple[Ints, Flags]]:
     """`OwnTimes.times` of stamps (N,) that are in memory."""
     return lambda start, stop: (t_ns[start:stop], bad[start:stop])
+
+
+def undated(table: OwnTimes) -> OwnTimes:
+    """A table none of whose records has a time that can be compared with those of others."""
+    none = np.zeros(table.count, np.int64), np.ones(table.count, np.bool_)
+    return replace(table, times=held(*none), why=lambda _: NO_DATE)
 
 
 def counted(tables: Sequence[OwnTimes]) -> dict[str, int]:

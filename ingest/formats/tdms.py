@@ -25,7 +25,7 @@ from ingest.formats import EARLIEST_NS, EPOCH, LATE_NS, SHOWN, Rejected, Rows, r
 from ingest.formats._csv_clocks import LATEST_NS
 from ingest.formats._csv_time import rises
 from ingest.formats._csv_time_names import UNITS_NS, base_and_unit, is_time_name, unit_of_time
-from ingest.formats._joined_tables import JoinedTables, OwnTimes, held
+from ingest.formats._joined_tables import NO_DATE, JoinedTables, OwnTimes, held
 from ingest.formats._tdms_file import (
     TdmsFile,
     is_number,
@@ -96,7 +96,6 @@ class _Stamps:
 
 
 NO_CLOCK = "no time: the channel has no wf_increment, and its group no channel that holds the time"
-NO_DATE = "no date, as other rows of the file have one: say start under [time] of the bench file"
 
 
 @dataclass(frozen=True)
