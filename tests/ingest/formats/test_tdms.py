@@ -180,6 +180,29 @@ def test_values_without_any_time_beside_others_that_have_one_are_rejected(tmp_pa
     assert one.why.startswith("no time: the channel has no wf_increment")
 
 
+def test_a_recorder_that_goes_on_later_in_a_file_says_so(tmp_path: Path) -> None:
+    later = START + np.timedelta64(3600, "s")
+    parts = [[wave("A", "a", [1.0, 2.0], 0.5, at), wave("A", "b", [3.0, 4.0], 0.5, at)] for at in (START, later)]
+    log, t_ns, columns = read(write(tmp_path / "log", [GroupObject("A")], *parts, [plain("A", "a", [5.0])]))
+    assert [t - START_NS for t in t_ns] == [0, 5 * S_NS // 10, 3600 * S_NS, 3600 * S_NS + S_NS // 2, 3601 * S_NS]
+    assert list(columns["a"]) == [1, 2, 1, 2, 5] and log.settings["time"] == ["2 rows a second"]
+    _, t_ns, _ = read(tmp_path / "log", TimeSpec(start_ns=S_NS * 10**9))
+    assert t_ns[2] - t_ns[0] == 3600 * S_NS and t_ns[0] == S_NS * 10**9
+
+
+def test_segments_that_say_when_each_begins_follow_the_first(tmp_path: Path) -> None:
+    """Their clock is off by milliseconds: samples come at the rate."""
+    parts = [[wave("A", "a", np.arange(4.0), 0.5, START + np.timedelta64(2000 * k + k % 3, "ms"))] for k in range(400)]
+    _, t_ns, _ = read(write(tmp_path / "log", *parts))
+    assert list(np.diff(t_ns)) == [S_NS // 2] * 1599 and t_ns[0] == START_NS
+
+
+def test_a_recorder_that_paused_among_many_segments_is_refused(tmp_path: Path) -> None:
+    parts = [[wave("A", "a", [0.0], 0.5, START + np.timedelta64(60 * k, "s"))] for k in range(301)]
+    with pytest.raises(UnreadableLogError, match="its 301 segments say several times at which"):
+        read(write(tmp_path / "log", *parts))
+
+
 @pytest.mark.parametrize("other", ["waveform", "seconds"])
 def test_rows_that_count_from_an_unknown_start_are_rejected_beside_dated_ones(tmp_path: Path, other: str) -> None:
     ticks = [wave("B", "b", [7.0, 8.0], 0.5, None)]
