@@ -108,7 +108,7 @@ def decode_file(
     said |= specimens.unsaid()
     return DecodeCompleted(
         **identity(raw, databases, bench, model),
-        **_outcome(reading, path, work.account, sum(rows.values()), said, specimens.within(faults), written),
+        **_outcome(reading, path, work.account, sum(rows.values()), said, specimens.within(faults), written, databases),
         groups=[group.entry(rows[group.name]) for group in written],
         channels=[output.channel for group in written for output in group.outputs if output.channel],
         products=products,
@@ -148,12 +148,13 @@ def _outcome(
     said: Mapping[str, Any],
     faults: clock.StampFaults,
     written: Sequence[SignalGroup],
+    databases: Sequence[Database],
 ) -> dict[str, Any]:
     """What the event says of the records. Raises IngestError where the balance does not hold."""
     account.refuse(recording.read_rejected(path) if reading.rejected else ())
     account.refuse(Rejected(one, f"record {one + 1:,}", clock.STRAY) for one in faults.strays.tolist())
     balance = account.balance(reading, decoded)
-    result, why = outcome(reading, account, balance)
+    result, why = outcome(reading, account, balance, [database.name for database in databases])
     lengths = dict(sorted(account.wrong_length.items()))
     start_ns, end_ns = faults.span_ns or (reading.start_ns, reading.end_ns)
     notable = {**said, "wrong_length": lengths, "rejected": account.reasons(), "clock": _clock(faults, written)}

@@ -539,6 +539,12 @@ def test_a_log_that_is_cut_is_salvaged(tmp_path: Path) -> None:
             "wrong_length",
             "every frame is shorter than its message: the signal database is not the one of this log",
         ),
+        (
+            (0, 1, 0x321, 0, bytes(8)),
+            [dbc(), dbc(DBC, "other.dbc")],
+            "unknown_id",
+            "no frame is of a message of motor.dbc, other.dbc: name the signal database of this log with --dbc",
+        ),
         ((0, 1, 0x123, REMOTE, b""), [dbc()], "rejected", "no frame holds data: nothing to decode"),
     ],
 )
