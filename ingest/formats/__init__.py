@@ -308,6 +308,10 @@ def recognise(path: Path) -> Format:
         texts = (entry for entry in FORMATS if not entry.magic and path.name.lower().endswith(entry.suffixes))
         entry = next(texts, ANY_TEXT)
         return ANY_TEXT if entry.holds == "frames" and not re.search(FRAME_WAY, head) and not no_table(path) else entry
+    if not head.strip(b"\0"):
+        raise UnreadableLogError(
+            f"{path.name}: begins with {len(head):,} bytes of 0: what stood there is lost. Copy the file again."
+        )
     todo = no_logs.by_name(path) or "Export it as one of these"
     raise UnreadableLogError(f"{path.name}: is none of the known log formats ({SUFFIXES}). {todo}.")
 

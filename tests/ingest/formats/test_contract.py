@@ -220,6 +220,13 @@ def test_a_file_that_is_known_and_no_log_is_refused_with_the_command_that_export
     assert todo in str(refused.value) and "\n" not in str(refused.value)
 
 
+def test_a_file_of_zeros_has_lost_what_it_held(tmp_path: Path) -> None:
+    path = tmp_path / "log.blf"
+    path.write_bytes(bytes(100_000))
+    with pytest.raises(UnreadableLogError, match="begins with 4,096 bytes of 0: what stood there is lost"):
+        recognise(path)
+
+
 def test_each_kind_of_file_that_is_no_log_is_tried() -> None:
     assert all(any(re.match(looks, head, re.DOTALL) for head in HEADS) for looks in NO_LOGS)
 
