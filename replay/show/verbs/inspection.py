@@ -12,7 +12,7 @@ from ingest.log import unread
 from ingest.texts.times import to_second
 from replay.show.words.words import counted, duration
 
-SHOWN, NOTES = 40, 10  # signals, and notes on databases; the JSON has all
+SHOWN, UNKNOWN, NOTES = 40, 10, 10  # signals, identifiers and notes on databases; the JSON has all
 
 
 def inspection_json(found: Inspection) -> dict[str, Any]:
@@ -58,8 +58,12 @@ def inspection_text(found: Inspection) -> str:
     lines += [f"  {_signal_line(seen, width)}" for seen in found.signals[:SHOWN]]
     if len(found.signals) > SHOWN:
         lines.append(f"  and {len(found.signals) - SHOWN} more signals (--json has all)")
-    for key, count in list(found.unknown_ids.items())[:10]:
+    unknown = list(found.unknown_ids.items())
+    for key, count in unknown[:UNKNOWN]:
         lines.append(f"  {key}: {count:,} frame{'s' * (count != 1)} that no database explains")
+    if others := unknown[UNKNOWN:]:
+        frames = sum(count for _, count in others)
+        lines.append(f"  and {frames:,} frames of {len(others):,} more identifiers (--json has all)")
     lines += [f"  {note}" for note in found.notes[:NOTES]]
     if len(found.notes) > NOTES:
         lines.append(f"  and {len(found.notes) - NOTES} more notes on the databases (--json has all)")
