@@ -8,12 +8,14 @@ from typing import Any
 from ingest.facts.events import QualityFlagged
 
 SHEETS, TEXTS, TIMES, DATE = "sheets_unread", "numbers_as_text", "time_either", "date_unread"
-MESSAGES = "databases_differ"
+MESSAGES, CHANNELS = "databases_differ", "channels_unread"
+SHOWN = 5  # channels
 
 
 def findings(name: str, settings: Mapping[str, Any]) -> list[QualityFlagged]:
     """A flag of the file `name` for each: further sheets of a workbook, columns whose cells say more than a number, or
-    one that may be two, times that may be others, a date that is none, and frames of which databases differ."""
+    one that may be two, times that may be others, a date that is none, frames of which databases differ, and channels
+    beside frames."""
     told = {}
     if others := settings.get("other_sheets"):
         told[SHEETS] = f"sheet {settings['sheet']} was read, and not {', '.join(others)} ([time] sheet tells another)"
@@ -29,4 +31,8 @@ def findings(name: str, settings: Mapping[str, Any]) -> list[QualityFlagged]:
         told[DATE] = f'its date "{date}" is not understood, and not used: say start under [time] of the bench file'
     if differ := settings.get(MESSAGES):
         told[MESSAGES] = differ
+    if names := settings.get(CHANNELS):
+        more = f" and {len(names) - SHOWN:,} more" if len(names) > SHOWN else ""
+        says = f"holds frames and measured channels: these are not read ({', '.join(names[:SHOWN])}{more})"
+        told[CHANNELS] = f"{says}: export them as a file of their own"
     return [QualityFlagged(flag=flag, says=f"{name}: {says}", detail={"file": name}) for flag, says in told.items()]
