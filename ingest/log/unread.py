@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ingest.facts.events import QualityFlagged
 
 SHEETS, TEXTS, TIMES, DATE = "sheets_unread", "numbers_as_text", "time_either", "date_unread"
-MESSAGES, CHANNELS = "databases_differ", "channels_unread"
+MESSAGES, CHANNELS, LAWS, SCALES = "databases_differ", "channels_unread", "unconverted", "unscaled"
 SHOWN = 5  # channels
 
 
 def findings(name: str, settings: Mapping[str, Any]) -> list[QualityFlagged]:
     """A flag of the file `name` for each: further sheets of a workbook, columns whose cells say more than a number, or
-    one that may be two, times that may be others, a date that is none, frames of which databases differ, and channels
-    beside frames."""
+    one that may be two, times that may be others, a date that is none, frames of which databases differ, channels
+    beside frames, and those whose conversion or scaling is not read."""
     told = {}
     if others := settings.get("other_sheets"):
         told[SHEETS] = f"sheet {settings['sheet']} was read, and not {', '.join(others)} ([time] sheet tells another)"
@@ -32,7 +32,16 @@ def findings(name: str, settings: Mapping[str, Any]) -> list[QualityFlagged]:
     if differ := settings.get(MESSAGES):
         told[MESSAGES] = differ
     if names := settings.get(CHANNELS):
-        more = f" and {len(names) - SHOWN:,} more" if len(names) > SHOWN else ""
-        says = f"holds frames and measured channels: these are not read ({', '.join(names[:SHOWN])}{more})"
+        says = f"holds frames and measured channels: these are not read ({_some(names)})"
         told[CHANNELS] = f"{says}: export them as a file of their own"
+    if laws := settings.get(LAWS):
+        told[LAWS] = f"left out: {_some([f'{name}: {why}' for name, why in laws.items()], '; ')}"
+    if names := settings.get(SCALES):
+        told[SCALES] = f"its scaling cannot be read of {_some(names)}: the values are as stored, and no quantity"
     return [QualityFlagged(flag=flag, says=f"{name}: {says}", detail={"file": name}) for flag, says in told.items()]
+
+
+def _some(names: Sequence[str], between: str = ", ") -> str:
+    """ "a, b and 3 more"."""
+    more = f" and {len(names) - SHOWN:,} more" if len(names) > SHOWN else ""
+    return f"{between.join(names[:SHOWN])}{more}"

@@ -128,8 +128,6 @@ def _file_lines(one: InspectedFile) -> list[str]:
     lines += [f"  {flag.says.removeprefix(f'{one.path.name}: ')}" for flag in left]
     if "left_out" in reading.settings:
         lines.append(f"  left out, no numbers or texts with times: {', '.join(reading.settings['left_out'])}")
-    for name, why in reading.settings.get("unconverted", {}).items():
-        lines.append(f"  left out: {name}: {why}")
     for what, says in (("texts", "a text in place of a number"), ("invalid", "marked invalid")):
         if counts := reading.settings.get(what):
             lines.append(f"  missing, {says}: {', '.join(f'{name} ({n:,})' for name, n in counts.items())}")

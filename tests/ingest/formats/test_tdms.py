@@ -17,6 +17,7 @@ from nptdms.timestamp import TdmsTimestamp
 from ingest.errors import UnreadableLogError
 from ingest.formats import Rows, TimeSpec, open_log
 from ingest.log.decode import decode_file
+from ingest.log.unread import findings
 from made.places import LOGS
 from made.readings import record
 from made.tables import read
@@ -272,6 +273,8 @@ def test_a_scaling_that_cannot_be_used_leaves_raw_values_and_says_so(tmp_path: P
     broken: dict[str, Any] = {"NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Linear"}
     log, _, columns = read(write(tmp_path / "log.tdms", [wave("A", "x", [2.0, 4.0], **broken)]))
     assert (columns, log.settings["unscaled"]) == ({"x": [2.0, 4.0]}, ["x"])
+    (says,) = (flag.says for flag in findings("log", log.settings))
+    assert says == "log: its scaling cannot be read of x: the values are as stored, and no quantity"
 
 
 def test_numbers_of_any_type_truths_texts_and_stamps_become_columns_and_complex_ones_are_left_out(
