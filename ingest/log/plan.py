@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
@@ -25,6 +26,7 @@ from ingest.texts.guessing import guess
 from ingest.texts.quantities import column_suffix
 from ingest.texts.units import normal_unit
 
+LONGEST_NAME = 100  # of a file
 Source = tuple[str, str]  # group name, name of a signal in it
 
 
@@ -66,8 +68,11 @@ class SignalGroup:
 
     @property
     def file(self) -> str:
-        """Name of its Parquet file."""
-        return re.sub(r"[^\w.-]", "_", self.name, flags=re.ASCII) + ".parquet"
+        """Name of its Parquet file: that of the group, with some of its SHA-256 where a file cannot be called so."""
+        plain = re.sub(r"[^\w.-]", "_", self.name, flags=re.ASCII)[:LONGEST_NAME]
+        if plain != self.name:
+            plain += f"-{hashlib.sha256(self.name.encode()).hexdigest()[:8]}"
+        return f"{plain}.parquet"
 
     def entry(self, rows: int) -> dict[str, Any]:
         """A group of `rows` rows as `DecodeCompleted` lists it."""

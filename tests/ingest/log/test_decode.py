@@ -590,6 +590,19 @@ def test_a_decode_is_known_by_all_that_makes_it() -> None:
     assert decode_id("raw", ["a", "b"], "bench") in ids
 
 
+def test_messages_have_a_file_each_however_they_are_called(tmp_path: Path) -> None:
+    names = ("T öl", "T ül", "T__l", "L" * 300)
+    messages = "".join(
+        f'<Message id="0x{number:X}" length="1" name="{name}"><Signal name="s" offset="0" length="8"/></Message>'
+        for number, name in enumerate(names)
+    )
+    head = '<NetworkDefinition xmlns="http://kayak.2codeornot2code.org/1.0"><Document/><Bus name="B">'
+    database = load(f"{head}{messages}</Bus></NetworkDefinition>".encode(), "bus.kcd")
+    given = frames([(0.1 * number, 1, number, 0, bytes([number])) for number in range(len(names))])
+    event = decoded(tmp_path, record(tmp_path, given), [database])
+    assert [table(tmp_path, event, name)["s"].to_pylist() for name in names] == [[0], [1], [2], [3]]
+
+
 def test_where_databases_differ_the_first_given_is_used_and_said(tmp_path: Path) -> None:
     other = dbc(DBC.replace("(0.5,0)", "(0.25,0)"), "other.dbc")
     given = frames([(0, 1, 0x123, 0, bytes([0, 4, *[0] * 6]))])
