@@ -33,6 +33,7 @@ from ingest.errors import UnreadableLogError
 EXTENDED = np.uint32(1 << 31)  # set in `Frames.can_id` for 29-bit identifiers
 REMOTE, FD, TRANSMIT = 2, 4, 8  # bits of `Frames.flags`
 SERIES = "series"  # setting of a table with several: name -> columns, "" of those without a name
+RASTERS = "rasters"  # setting of a table that was joined of several: the columns of each
 GZIP = b"\x1f\x8b"
 RATIO, ALWAYS = 200, 256 << 20  # a packed file may unpack to this many times its size, or to this many bytes
 BATCH_ROWS = 100_000  # at most

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.formats import Log, Rejected, Rows, rows_at_once
+from ingest.formats import RASTERS, Log, Rejected, Rows, rows_at_once
 from ingest.formats._csv_dialect import unique
 from ingest.formats._merged import part_size
 from ingest.formats._merged import rows as merged_rows
@@ -72,6 +72,9 @@ class JoinedTables(Log):
         names = unique(full)[0]
         units = [unit.strip() for table in tables for unit in table.units]
         self.units |= {name: unit for name, unit in zip(names, units, strict=True) if unit}
+        if len(tables) > 1:
+            each = iter(names)
+            self.settings[RASTERS] = [[next(each) for _ in table.columns] for table in tables]
         size = rows_at_once(len(names))
         starts = [0] * len(tables)
         for rows in _placed(tables, size):

@@ -247,11 +247,13 @@ class _Work:
         record: NDArray[np.int64],
         signals: Mapping[str, NDArray[Any]],
     ) -> None:
-        def signal(home: str, name: str) -> NDArray[Any]:
-            return signals[name] if home == group.name else self._others.at((home, name), t_ns)
-
         self.watch.add(group.name, t_ns)
-        values = [output.values([signal(*source) for source in output.sources]) for output in group.outputs]
+        values = [
+            output.values(
+                [self._others.at(one, t_ns) if one in output.held else signals[one[1]] for one in output.sources]
+            )
+            for output in group.outputs
+        ]
         if group.name not in self._writers:
             columns = [output.column for output in group.outputs]
             self._writers[group.name] = GroupWriter(self._folder / group.file, self._raw, columns)

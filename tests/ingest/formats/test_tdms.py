@@ -84,7 +84,8 @@ def test_the_sample_is_what_the_writer_writes_and_reads_whole(tmp_path: Path) ->
     assert [(one.record, one.where, one.why) for one in log.rejected] == [
         (5, 'group "Oven", record 3', 'no time in channel "Time" of group "Oven"')
     ]
-    assert log.settings == {"time": ["2 rows a second", 'channel "Time" of group "Oven"']}
+    times = ["2 rows a second", 'channel "Time" of group "Oven"']
+    assert log.settings == {"time": times, "rasters": [["T1", "Note"], ["U"]]}
 
 
 # ---- time bases ----------------------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from ingest.bench.bench_file import Bench, read_bench
 from ingest.bench.resolving import resolve
 from ingest.errors import BenchFileError, IngestError
 from ingest.facts.events import DecodeCompleted
-from ingest.formats import EXTENDED, REMOTE, Frames, Log, Rejected, Rows, TimeSpec
+from ingest.formats import EXTENDED, RASTERS, REMOTE, Frames, Log, Rejected, Rows, TimeSpec
 from ingest.log import recording, samples
 from ingest.log.databases import Database, load
 from ingest.log.decode import RECORDING, decode_file, decode_id
@@ -361,6 +361,49 @@ def test_signals_of_other_groups_hold_their_last_value(tmp_path: Path) -> None:
     event = decoded(tmp_path, record(tmp_path, frames(given)), [dbc()], DERIVED)
     rows = table(tmp_path, event, "Torque")
     np.testing.assert_array_equal(rows["shaft_power_W"].to_numpy(), [np.nan, 400, 600, 800])
+
+
+APART = """
+[[derived]]
+name = "difference"
+quantity = "temperature"
+unit = "K"
+expression = "T_1 - T_0"
+node = "gap"
+[[derived]]
+name = "paged"
+quantity = "temperature"
+unit = "K"
+expression = "Page + T_1"
+node = "gap"
+"""
+
+
+def test_signals_of_other_pages_of_a_multiplexer_hold_their_last_value(tmp_path: Path) -> None:
+    """A derived channel stands at the page of its first signal that has one; what each frame holds is as it is."""
+
+    def page(number: int, kelvin: float) -> bytes:
+        return bytes([number]) + round(10 * kelvin).to_bytes(2, "little") + bytes(1)
+
+    sent = [page(0, 300), page(1, 310), page(1, 320), page(0, 301), page(1, 330)]
+    given = frames([(0.1 * i, 1, 0x124, 0, payload) for i, payload in enumerate(sent)])
+    event = decoded(tmp_path, record(tmp_path, given), [dbc()], APART)
+    rows = table(tmp_path, event, "Temperatures")
+    nan, zero = np.nan, -273.15
+    np.testing.assert_allclose(rows["difference_degC"].to_numpy(), [nan, 10 + zero, 20 + zero, nan, 29 + zero])
+    np.testing.assert_allclose(rows["paged_degC"].to_numpy(), [nan, 311 + zero, 321 + zero, nan, 331 + zero])
+
+
+def test_columns_of_other_rasters_of_a_table_hold_their_last_value(tmp_path: Path) -> None:
+    nan = np.nan
+    slow, fast = np.array([1.0, nan, nan, 2.0, nan]), np.array([nan, 10.0, nan, nan, 30.0])
+    also = np.array([nan, 100.0, nan, nan, 300.0])  # of the fast raster
+    rows = Rows(START_NS + np.arange(5), {"slow": slow, "fast": fast, "also": also}, np.arange(5))
+    bench = APART.replace("T_1 - T_0", "fast - slow").replace("Page + T_1", "fast + also")
+    reading = record(tmp_path, rows, settings={RASTERS: [["slow"], ["fast", "also"]]})
+    found = table(tmp_path, decoded(tmp_path, reading, [], bench), "rows")
+    np.testing.assert_allclose(found["difference_degC"].to_numpy() + 273.15, [nan, 9, nan, nan, 28])
+    np.testing.assert_allclose(found["paged_degC"].to_numpy() + 273.15, [nan, 110, nan, nan, 330])
 
 
 def test_a_channel_without_a_frame_in_this_log_is_said_and_stops_nothing(tmp_path: Path) -> None:
