@@ -135,7 +135,7 @@ def plan(
     """
     home = {_identity(signal): group for group in groups for signal in group.signals}
     named = {_identity(spec.signals[0]): spec for spec in channels if not spec.derived}
-    called = _channel_names(groups)
+    called, said = _channel_names(groups), {spec.name for spec in channels}
     _refuse_text(bench, channels, texts)
     for group in groups:
         taken = Counter(FIXED)
@@ -147,6 +147,7 @@ def plan(
                 group.outputs.append(_bench_output(group, spec, [(group.name, signal.name)], taken, signal))
             else:
                 name = called[group.name, signal.name]
+                name = signal.alone if name in said else name  # a signal of another log is called so
                 group.outputs.append(_file_output(group, signal, name, bench is None, taken))
     missing = [spec.name for key, spec in named.items() if key not in home and spec.role != "ignored"]
     for spec in (spec for spec in channels if spec.derived):

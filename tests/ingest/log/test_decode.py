@@ -406,6 +406,14 @@ def test_columns_of_other_rasters_of_a_table_hold_their_last_value(tmp_path: Pat
     np.testing.assert_allclose(found["paged_degC"].to_numpy() + 273.15, [nan, 110, nan, nan, 330])
 
 
+def test_a_column_that_the_bench_file_does_not_mean_is_not_called_as_a_signal_that_it_means(tmp_path: Path) -> None:
+    bench = read_bench(CHANNELS.encode(), "b.toml")
+    known = channels(record(tmp_path / "bus", frames(drive(100))), [dbc()], bench)
+    rows = Rows(START_NS + np.arange(2), {"T_0": np.array([1.0, 2.0]), "T_9": np.array([1.0, 2.0])}, np.arange(2))
+    event = decode_file(record(tmp_path / "table", rows), RAW, [dbc()], bench, known, tmp_path / "table")
+    assert [(one["name"], one["role"]) for one in event.channels] == [("rows.T_0", "ignored"), ("T_9", "ignored")]
+
+
 def test_a_channel_without_a_frame_in_this_log_is_said_and_stops_nothing(tmp_path: Path) -> None:
     both = frames([(0, 1, 0x123, 0, bytes(8)), (1, 1, 0x124, 0, bytes(4)), (2, 1, TORQUE, 0, bytes(4))])
     known = channels(
