@@ -35,7 +35,7 @@ def no_numbers_named(
     if not measured or layout.is_float or 2 * len(names) >= 1 << layout.length:
         return (), ()
     mask = (1 << layout.length) - 1
-    told = [(number & mask, _plain(str(name))) for number, name in sorted(names.items())]
+    told = [(int(number) & mask, _plain(str(name))) for number, name in sorted(names.items())]
     errors = tuple(bits for bits, name in told if ERROR.fullmatch(name))
     begun = [bits for bits, name in told if BEGUN.fullmatch(name) and bits]  # a 0 at first may be one
     absent = [bits for bits, name in told if NOT_AVAILABLE.fullmatch(name)]
