@@ -1,10 +1,10 @@
 """ASC: Vector's text format for CAN logs, packed with gzip or not.
 
 The date is a wall clock time without a zone: UTC unless `[time] zone` (without a column) says otherwise, or `[time]
-start` replaces it. The date of the first trigger block beats that of the header; a later block counts from its own
-date only where its stamps begin again, or are far before it. `timestamps relative`: each stamp counts from the line before. Error frames are
-found and rejected, remote frames have no payload. Statistics, bus states, requests to send (TxRq) and other events are
-no frames: they are counted in `settings["other_lines"]`.
+start` replaces it. The date of the first trigger block beats that of the header; a later block counts from its own date
+only where its stamps begin again, or are far before it. `timestamps relative`: each stamp counts from the line before.
+Error frames are found and rejected, remote frames have no payload. Statistics, bus states, requests to send (TxRq) and
+other events are no frames: they are counted in `settings["other_lines"]`.
 """
 
 from __future__ import annotations
