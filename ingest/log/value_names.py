@@ -16,12 +16,17 @@ WHAT = r"(?:(?:the )?(?:signal|value|data|sensor|measurement|wert|messwert|is|is
 OF_IT = r"(?: (?:signal|value|data|indicator|indication|wert))?"
 NO_VALUE = (
     r"(?:\w+ )?sna|n a|not avail\w*|unavailable|nicht verf(?:ü|ue)gbar|invalid|not valid|ung(?:ü|ue)ltig|undefined|"
-    r"undef|not defined|nicht definiert|no (?:signal|value|data)|kein (?:signal|wert)|nan"
+    r"undef|not defined|nicht definiert|no (?:signal|value|data)|kein (?:signal|wert)|nan|reserved|reserviert|unused|"
+    r"not used|nicht (?:belegt|benutzt|verwendet)"
 )
 BEFORE_ANY = r"init|initial|initiali[sz]ation|not initiali[sz]ed|initwert"  # what is sent before there is a value
 NOT_AVAILABLE = re.compile(f"{WHAT}(?:{NO_VALUE}){OF_IT}")
 BEGUN = re.compile(f"{WHAT}(?:{BEFORE_ANY}){OF_IT}")
-ERROR = re.compile(f"{WHAT}(?:error|err|fault|faulty|failure|fehler|defect|defective|defekt){OF_IT}")
+BROKEN = (
+    r"error|err|fault|faulty|failure|fehler|defect|defective|defekt|overflow|underflow|(?:out of|over|under) ?range|"
+    r"short circuit|open (?:circuit|load)|wire break|kurzschlu(?:ss|ß)|(?:draht|leitungs|sensor|f(?:ü|ue)hler)bruch"
+)
+ERROR = re.compile(f"{WHAT}(?:{BROKEN}){OF_IT}")
 
 
 def no_numbers_named(

@@ -55,19 +55,23 @@ def test_numbers_that_are_named_as_none_are_missing_and_counted() -> None:
     [
         *("SNA", "sna", "SNA (Signal not available)", "UNKNOWN_SNA", "Signal not available", "SignalNotAvailable"),
         *("N/A", "invalid", "Invalid_Value", "Signal_ungueltig", "ungültig", "Wert nicht verfügbar", "undefined"),
-        *("No Signal", "Init", "Initialization", "Initial value"),
+        *("Reserved", "not_used", "No Signal", "Init", "Initialization", "Initial value"),
     ],
 )
 def test_a_name_says_that_there_is_no_number(name: str) -> None:
     assert no_numbers_named({65535: name}, WORDS, None) == ((), (65535,))
 
 
-@pytest.mark.parametrize("name", ["Error", "Fehler", "Signal_Error", "SensorFault", "Error indicator", "Sensor defekt"])
+@pytest.mark.parametrize(
+    "name", ["Error", "Fehler", "Signal_Error", "SensorFault", "Sensor defekt", "Drahtbruch", "OutOfRange"]
+)
 def test_a_name_says_that_there_is_an_error(name: str) -> None:
     assert no_numbers_named({65534: name}, WORDS, None) == ((65534,), ())
 
 
-@pytest.mark.parametrize("name", ["No error", "kein Fehler", "Max", "no limit", "Off", "Idle", "HI", "straight", "3rd"])
+@pytest.mark.parametrize(
+    "name", ["No error", "kein Fehler", "Max", "no limit", "Off", "Idle", "open", "HI", "straight", "3rd"]
+)
 def test_other_names_are_those_of_numbers(name: str) -> None:
     assert no_numbers_named({0: name, 65535: name}, WORDS, "A") == ((), ())
 
