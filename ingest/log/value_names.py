@@ -1,6 +1,6 @@
 """Numbers that a database gives a name instead: which of these names say that there is no number (`SNA`, `Error`).
 
-Only of what is measured, a signal with a unit or a law of which most numbers have no name, a name can say so: the names
+Only of what is measured, a signal with a unit that is known or a law of which most numbers have no name, a name can say so: the names
 of states (`Off`, `On`, `Error`) are its values.
 """
 
@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ingest.log.bits import Layout
+from ingest.texts.units import normal_unit
 
 WHAT = r"(?:(?:the )?(?:signal|value|data|sensor|measurement|wert|messwert|is|ist) )*"
 OF_IT = r"(?: (?:signal|value|data|indicator|indication|wert))?"
@@ -36,7 +37,7 @@ def no_numbers_named(
 
     `names`: stored number -> name.
     """
-    measured = unit or layout.scale != 1 or layout.offset != 0
+    measured = normal_unit(unit) not in (None, "1") or layout.scale != 1 or layout.offset != 0
     if not measured or layout.is_float or 2 * len(names) >= 1 << layout.length:
         return (), ()
     mask = (1 << layout.length) - 1

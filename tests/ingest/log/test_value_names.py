@@ -81,7 +81,8 @@ def test_what_is_sent_before_there_is_a_value_is_one_where_it_is_zero() -> None:
 
 
 @pytest.mark.parametrize(
-    ("layout", "unit"), [(Layout(0, 8), None), (Layout(0, 2), "status"), (Layout(0, 32, is_float=True), "A")]
+    ("layout", "unit"),
+    [(Layout(0, 8), None), (Layout(0, 8), "status"), (Layout(0, 2), "A"), (Layout(0, 32, is_float=True), "A")],
 )
 def test_names_of_states_and_of_floats_say_nothing(layout: Layout, unit: str | None) -> None:
     assert no_numbers_named({2: "Error", 3: "SNA"}, layout, unit) == ((), ())
