@@ -1,7 +1,7 @@
 """Numbers that a database gives a name instead: which of these names say that there is no number (`SNA`, `Error`).
 
-Only of what is measured, a signal with a unit that is known or a law of which most numbers have no name, a name can say so: the names
-of states (`Off`, `On`, `Error`) are its values.
+Only of what is measured, a signal with a unit that is known or a law, and with names for few of its numbers, a name can
+say so: the names of states (`Off`, `On`, `Error`) are its values.
 """
 
 from __future__ import annotations
