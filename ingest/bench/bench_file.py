@@ -9,41 +9,31 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import datetime
 from functools import lru_cache
-from zoneinfo import ZoneInfo, available_timezones
+from zoneinfo import ZoneInfo
 
-from ingest.bench.changes import BenchChange, moment_ns, read_changes, told
+from ingest.bench.changes import BenchChange, read_changes, told
 from ingest.bench.channel import Channel
-from ingest.bench.channel_tables import exclusive, read_channel, read_derived, refusal
+from ingest.bench.channel_tables import exclusive, read_channel, read_derived
 from ingest.bench.corrections import Correction, check_corrections, read_corrections
 from ingest.bench.derating import DeratingRule, read_deratings
+from ingest.bench.time_tables import OF_FORMAT, TIME_KEYS, Logger, read_loggers, read_time, zone_of
 from ingest.errors import BenchFileError
-from ingest.formats import FORMATS, TimeSpec
-from ingest.texts.nearest import hint
-from ingest.texts.toml_file import (
-    NAMED_TEXTS,
-    NOT_NEGATIVE,
-    POSITIVE,
-    TEXT,
-    TomlTable,
-    read,
-)
+from ingest.formats import TimeSpec
+from ingest.texts.toml_file import NAMED_TEXTS, NOT_NEGATIVE, TEXT, read
 
 SCHEMA = "whyhot.bench/1"
 KINDS = ("wltp", "s1", "s2", "ageing", "dc_check", "insulation_check", "drive", "other")
 EVALUATED = ("thermal_resistance", "dose")  # of a table with a row a check
-TIME_UNITS = ("s", "ms", "us", "ns", "min", "h")
 
 ROOT_KEYS = (
     *("motor", "specimen", "specimen_column", "batch", "batch_column", "kind", "configuration", "attributes"),
-    *("time", "channel", "derived", "change", "correction", "derating"),
+    *("time", "logger", "channel", "derived", "change", "correction", "derating"),
 )
-TIME_KEYS = ("column", "format", "unit", "zone", "rate_hz", "start", "skip_rows", "sheet")
-OF_FORMAT = tuple(form.name for form in FORMATS)  # [time.csv]: of logs of that format
 
 _ABOVE = dict.fromkeys(ROOT_KEYS, "above the first [table] of the file")
 _UNDER_TIME = dict.fromkeys((*TIME_KEYS, "join_gap_s"), "under [time]")
+_ELSEWHERE = {**_ABOVE, **_UNDER_TIME}
 
 
 @dataclass(frozen=True)
@@ -62,6 +52,7 @@ class Bench:
     attributes: Mapping[str, str] = field(default_factory=dict)
     time: TimeSpec = field(default_factory=TimeSpec)
     time_of: Mapping[str, TimeSpec] = field(default_factory=dict)  # format -> what holds for its logs instead
+    loggers: tuple[Logger, ...] = ()
     join_gap_s: float = 60.0
     channels: tuple[Channel, ...] = ()
     corrections: tuple[Correction, ...] = ()
@@ -79,6 +70,15 @@ class Bench:
         channels = [replace(one, renamed=renamed) if one.expression and renamed else one for one in channels]
         held = tuple(one for one in self.corrections if one.holds_at(begin))
         return replace(self, channels=tuple(channels), corrections=held, changes=())
+
+    def logger_of(self, log: str) -> Logger | None:
+        """The logger that wrote a log of this name: the first that its name fits."""
+        return next((one for one in self.loggers if one.wrote(log)), None)
+
+    def time_for(self, form: str, log: str) -> TimeSpec:
+        """How the stamps of a log of this format and name are to be understood."""
+        logger = self.logger_of(log)
+        return logger.time if logger and logger.time else self.time_of.get(form, self.time)
 
     @property
     def of_checks(self) -> bool:
@@ -123,7 +123,7 @@ def read_bench(data: bytes, name: str) -> Bench:
     channels = [read_channel(table, _ABOVE) for table in root.tables("channel")]
     channels += [read_derived(table, _ABOVE) for table in root.tables("derived")]
     stamps = root.table("time")
-    zone = ZoneInfo(_zone(stamps) if stamps else TimeSpec.zone)
+    zone = ZoneInfo(zone_of(stamps) if stamps else TimeSpec.zone)
     untimed = "specimen_column" in root and any(channel.quantity in EVALUATED for channel in channels)
     gap = stamps.get("join_gap_s", NOT_NEGATIVE) if stamps else None
     bench = Bench(
@@ -137,8 +137,13 @@ def read_bench(data: bytes, name: str) -> Bench:
         kind=root.one_of("kind", KINDS),
         configuration=root.get("configuration", TEXT),
         attributes=root.get("attributes", NAMED_TEXTS) or {},
-        time=_time(stamps, ("join_gap_s", *OF_FORMAT), untimed),
-        time_of={name: _time(own, (), untimed) for name in OF_FORMAT if stamps and (own := stamps.table(name))},
+        time=read_time(stamps, ("join_gap_s", *OF_FORMAT), _ELSEWHERE, untimed),
+        time_of={
+            name: read_time(own, (), _ELSEWHERE, untimed)
+            for name in OF_FORMAT
+            if stamps and (own := stamps.table(name))
+        },
+        loggers=read_loggers(root.tables("logger"), _ABOVE, untimed),
         join_gap_s=Bench.join_gap_s if gap is None else gap,
         channels=tuple(channels),
         corrections=read_corrections(root.tables("correction"), zone),
@@ -170,56 +175,3 @@ def _refuse_twice(name: str, channels: Sequence[Channel]) -> None:
             raise BenchFileError(
                 f"{name}:{channel.at(key)}: {channel.called} stands here twice, first in line {first.line}. Keep one."
             )
-
-
-def _time(table: TomlTable | None, beside: Sequence[str], untimed: bool) -> TimeSpec:
-    """What `[time]`, or that of one format, says; keys `beside` it are read elsewhere."""
-    if table is None:
-        return TimeSpec(untimed=untimed)
-    table.only((*TIME_KEYS, *beside), {**_ABOVE, **_UNDER_TIME})
-    exclusive(table, "column", "rate_hz")
-    exclusive(table, "format", "unit", "rate_hz")
-    zone = _zone(table)
-    return TimeSpec(
-        column=table.get("column", TEXT),
-        format=_format(table),
-        unit=table.one_of("unit", TIME_UNITS),
-        zone=zone,
-        rate_hz=table.get("rate_hz", POSITIVE),
-        start_ns=moment_ns(table, "start", ZoneInfo(zone)),
-        untimed=untimed,
-        skip_rows=_skip_rows(table),
-        sheet=table.get("sheet", TEXT),
-    )
-
-
-def _skip_rows(table: TomlTable) -> int:
-    count = table.get("skip_rows", NOT_NEGATIVE) or 0.0
-    if count != int(count):
-        raise refusal(table, "skip_rows", f"skip_rows is a count of lines above the header, not {count:g}.")
-    return int(count)
-
-
-def _zone(table: TomlTable) -> str:
-    zone = table.get("zone", TEXT) or TimeSpec.zone
-    try:
-        ZoneInfo(zone)
-    except (KeyError, ValueError, OSError):  # OSError: the name of a folder, "Europe"
-        advice = hint(zone, available_timezones()) or " Write it as Europe/Rome."
-        raise refusal(table, "zone", f'zone "{zone}" is no time zone of the IANA list.{advice}') from None
-    return zone
-
-
-def _format(table: TomlTable) -> str | None:
-    text = table.get("format", TEXT)
-    if text is None:
-        return None
-    sample = datetime(2024, 3, 1, 8, 5, 7)
-    try:
-        datetime.strptime(sample.strftime(text), text)
-        holds = "%" in text
-    except ValueError:
-        holds = False
-    if not holds:
-        raise refusal(table, "format", f'format "{text}" is no strptime format. Write it as "%d.%m.%Y %H:%M:%S".')
-    return text

@@ -182,7 +182,9 @@ def _places(file: str, one: Correction, channels: Sequence[Channel]) -> tuple[in
     match one.kind:
         case "clock":
             if re.fullmatch(r"\w+", one.place) is None:
-                raise _refusal(file, one, "names no clock: write a bus such as can2, or the stem of a log's name.")
+                raise _refusal(
+                    file, one, "names no clock: write a bus such as can2, a [[logger]], or the stem of a log's name."
+                )
             return ()
         case "input":
             return _inputs(file, one, channels)

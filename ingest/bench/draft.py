@@ -54,9 +54,14 @@ rate_hz = 1.0                  # CHECK: no time was recognised; how many rows a 
 """
 _LOCAL = """
 # Stamps that name no zone are read as UTC. Where they are local, say so: of all logs here, of one format as \
-[time.csv], [time.blf] ...
+[time.csv], or of one [[logger]].
 # [time]
 # zone = "Europe/Berlin"
+"""
+_LOGGER = """
+[[logger]]                     # one clock, whatever its logs are called
+name = "{name}"
+files = {files}  # CHECK: the names of all its logs
 """
 _NODES = """
 # Temperatures: `node` is a place in the motor. Without a motor file any name will do, \
@@ -78,7 +83,7 @@ def draft_bench(
 
     `settings`: `untimed`, why a log has no time: `[time]` is there to be filled in, or names the column of `days`; of
     one `format` alone, where logs of others have theirs; `absolute`, whether a log has dates;
-    `labels`, the columns of a table that tell "specimen" and "batch" of each row.
+    `labels`, the columns of a table that tell "specimen" and "batch" of each row; `loggers`, what wrote the logs.
     """
     directory = Directory(signals)
     found = {reference: signal for signal in signals if (reference := _reference(signal, directory))}
@@ -88,6 +93,7 @@ def draft_bench(
     places = [reference for reference, quantity in known.items() if quantity == "temperature"]
     rivals = _rivals({found[one]: str(quantity) for one, quantity in known.items()}, at_once or [signals])
     parts = [_HEAD.format(name=_comment(name)), *_labelled(settings.get("labels", {})), _untimed(settings)]
+    parts += [_LOGGER.format(name=one.name, files=_text(one.files)) for one in settings.get("loggers", ())]
     parts += [_entry(found[one], one, str(known[one]), found[one] in rivals) for one in inputs]
     parts += [_phase_current(found, known, directory)]
     parts += [_NODES if places else ""]

@@ -44,7 +44,7 @@ class ChannelData:
     record: NDArray[np.int64]  # position among the records of its file
     raw: NDArray[np.int64]  # index into `raws`
     raws: tuple[str, ...]  # SHA-256 of the session's files that hold this channel
-    buses: tuple[str, ...] = ()  # for each of these: what stamped its samples, `can<n>` or the stem of a table's name
+    buses: tuple[str, ...] = ()  # for each of these: what stamped its samples: logger, `can<n>` or stem of a table
     read: Array | None = None  # the values before they were corrected, None where they were not
 
     @property

@@ -46,7 +46,7 @@ class DecodedFile:
 
     decode: DecodeCompleted
     folder: Place
-    stem: str  # of the log's name
+    log: str  # its name
     bench: Bench | None
     sources: Sequence[ChannelSource]
 
@@ -80,9 +80,13 @@ class DecodedFile:
 
     @cached_property
     def clocks(self) -> dict[str, str]:
-        """Group -> what stamps it: its bus, or the table itself where it names none."""
+        """Group -> what stamps it: the logger that the bench file knows, else its bus, or the table itself where it
+        names none."""
+        if self.bench and (logger := self.bench.logger_of(self.log)):
+            return {group["name"]: logger.name for group in self.decode.groups}
         buses = {entry["group"]: entry["signal"]["bus"] for entry in self.decode.channels if entry["signal"]}
-        return {group["name"]: buses.get(group["name"]) or self.stem for group in self.decode.groups}
+        stem = self.log.split(".")[0]
+        return {group["name"]: buses.get(group["name"]) or stem for group in self.decode.groups}
 
     @cached_property
     def _groups(self) -> dict[str, tuple[Place, list[str]]]:
@@ -115,8 +119,7 @@ def decoded_file(store: Store, facts: Facts, decode: DecodeCompleted) -> Decoded
     begin = decode.start_ns if decode.absolute else None
     bench = read_bench(store.archive.read(sha), facts.benches[sha].name).at(begin) if sha else None
     sources = _of_bench(bench, decode) if bench else [ChannelSource(entry, _guess(entry)) for entry in decode.channels]
-    stem = facts.files[decode.raw].name.split(".")[0]
-    return DecodedFile(decode, store.decoded(decode.decode), stem, bench, sources)
+    return DecodedFile(decode, store.decoded(decode.decode), facts.files[decode.raw].name, bench, sources)
 
 
 def refuse_forgotten(store: Store, decode: str) -> None:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
+from itertools import pairwise
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -29,7 +30,8 @@ YEAR_s = 365 * 86_400  # no log goes on for longer second by second
 LONGEST_s = 4_000_000  # of a drive: what a session was is told from its first 46 days; memory holds no more
 SMOOTH_s = 10  # constancy is looked at in means of this
 SPEED_CONSTANT, LOAD_CONSTANT, LOADED = 0.03, 0.10, 0.20  # shares of the largest speed, load, load
-PULSE_s = (5, 120)
+PULSE_s, PULSES = (5, 120), 3  # length of a pulse, and how many make an S2
+SECOND_NS = 1_000_000_000
 WLTC_MATCH = 0.90  # correlation from which a speed is the trace; an FTP-75 reaches 0.4
 WLTC_TAIL_s = 100  # of the trace's end that a log may lack
 
@@ -41,13 +43,14 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class _Trace:
-    """|speed| [rpm] and |load| each second (N,); `load` in `unit`. `measured` (N,): False in a gap, which holds the
-    values before it."""
+    """|speed| [rpm] and |load| each second (N,) from `begin_ns` on; `load` in `unit`. `measured` (N,): False in a gap,
+    which holds the values before it."""
 
     speed: Array
     load: Array
     unit: str
     measured: Bools
+    begin_ns: int
 
     @property
     def top_speed(self) -> float:
@@ -72,11 +75,31 @@ def recognise(channels: Sequence[ChannelData]) -> tuple[str, str]:
     speed = find(channels, "speed")
     if speed is None or float(np.abs(speed.value).max()) < STANDSTILL_rpm:
         return _at_standstill(channels, "no speed is recorded" if speed is None else "nothing turns")
-    load = find(channels, "torque") or current(channels)
-    (n, *m), measured = each_second(_begun([speed, load] if load else [speed]))
-    amount, unit = np.abs(m[0]) if load else np.zeros_like(n), "Nm" if find(channels, "torque") else "A"
-    trace = _Trace(np.abs(n), amount, unit, measured)
+    trace = _traced(channels, speed)
     return _wltp(trace) or _s2(trace) or _s1(trace) or _drive(trace)
+
+
+def repeats(channels: Sequence[ChannelData]) -> list[tuple[int, int]]:
+    """(begin, end) [ns] of what a session repeats: each pass of the WLTC, else each pulse of load at constant speed
+    with the rest behind it, where there are three and more; none of a session that repeats neither."""
+    speed = find(channels, "speed")
+    if speed is None:
+        return []
+    trace = _traced(channels, speed)
+    begins = wltc_passes(trace.speed)[0]
+    most = len(wltc()) if begins else len(trace.speed)
+    if not begins and len(pulses := _pulses(trace)) >= PULSES:
+        begins = [begin for begin, _ in pulses]
+    spans = [(a, min(a + most, b)) for a, b in pairwise([*begins, len(trace.speed)])]
+    return [(trace.begin_ns + a * SECOND_NS, trace.begin_ns + b * SECOND_NS) for a, b in spans]
+
+
+def _traced(channels: Sequence[ChannelData], speed: ChannelData) -> _Trace:
+    load = find(channels, "torque") or current(channels)
+    used = _begun([speed, load] if load else [speed])
+    (n, *m), measured = each_second(used)
+    amount, unit = np.abs(m[0]) if load else np.zeros_like(n), "Nm" if find(channels, "torque") else "A"
+    return _Trace(np.abs(n), amount, unit, measured, min(int(one.t_ns[0]) for one in used))
 
 
 def _span_s(channels: Sequence[ChannelData]) -> float:
@@ -128,23 +151,23 @@ def _at_standstill(channels: Sequence[ChannelData], why: str) -> tuple[str, str]
 
 def _wltp(trace: _Trace) -> tuple[str, str] | None:
     passes, share = wltc_passes(trace.speed)
-    times = f"{passes} times" if passes > 1 else "once"
+    times = f"{len(passes)} times" if len(passes) > 1 else "once"
     return ("wltp", f"speed follows {100 * share:.0f} % of the WLTC class 3b trace, {times}") if passes else None
 
 
-def wltc_passes(speed: Array) -> tuple[int, float]:
-    """How many passes of the WLTC, whole but for its tail, a speed (N,) each second makes, and which share of the
-    trace's seconds it follows in them: normalised cross-correlation of speed and trace, at every second."""
+def wltc_passes(speed: Array) -> tuple[list[int], float]:
+    """At which seconds of a speed (N,) each second passes of the WLTC begin, whole but for its tail, and which share of
+    the trace's seconds it follows in them: normalised cross-correlation of speed and trace, at every second."""
     cycle = wltc()
     if len(speed) < len(cycle) - WLTC_TAIL_s:
-        return 0, 0.0
+        return [], 0.0
     match = _correlation(speed, cycle[:-WLTC_TAIL_s])
-    passes = []
+    passes: list[int] = []
     while (best := int(match.argmax())) >= 0 and match[best] >= WLTC_MATCH:
         passes.append(best)
         match[max(best - len(cycle) + 60, 0) : best + len(cycle) - 60] = -1.0
     shares = [_followed(speed[start : start + len(cycle)], cycle) for start in passes]
-    return len(passes), float(np.mean(shares)) if shares else 0.0
+    return sorted(passes), float(np.mean(shares)) if shares else 0.0
 
 
 def _correlation(speed: Array, cycle: Array) -> Array:
@@ -166,9 +189,8 @@ def _followed(speed: Array, cycle: Array) -> float:
 
 def _s2(trace: _Trace) -> tuple[str, str] | None:
     """At least 3 flat pulses of load at constant speed, that make up most of the loaded time."""
-    high = trace.measured & (trace.load > 0.5 * trace.top_load)
-    flat = [(a, b) for a, b in _runs(high) if PULSE_s[0] <= b - a <= PULSE_s[1] and _flat(trace, a, b)]
-    if len(flat) < 3 or sum(b - a for a, b in flat) < 0.7 * high.sum() or high.sum() > 0.6 * trace.measured.sum():
+    high, flat = _high(trace), _pulses(trace)
+    if len(flat) < PULSES or sum(b - a for a, b in flat) < 0.7 * high.sum() or high.sum() > 0.6 * trace.measured.sum():
         return None
     lengths = [b - a for a, b in flat]
     level, speed = (np.median([np.median(values[a:b]) for a, b in flat]) for values in (trace.load, trace.speed))
@@ -177,6 +199,16 @@ def _s2(trace: _Trace) -> tuple[str, str] | None:
         "s2",
         f"{len(flat)} pulses of {between} at about {level:.0f} {trace.unit} and {speed:,.0f} rpm, with rests between",
     )
+
+
+def _high(trace: _Trace) -> Bools:
+    """The seconds (N,) with more than half of the highest load."""
+    return trace.measured & (trace.load > 0.5 * trace.top_load)
+
+
+def _pulses(trace: _Trace) -> list[tuple[int, int]]:
+    """(first second, one past the last) of each pulse of load at constant speed."""
+    return [(a, b) for a, b in _runs(_high(trace)) if PULSE_s[0] <= b - a <= PULSE_s[1] and _flat(trace, a, b)]
 
 
 def _flat(trace: _Trace, start: int, end: int) -> bool:

@@ -140,9 +140,9 @@ class QualityFlagged(Event):
 
 
 class ClockAligned(Event):
-    """`session-<id>`: the stamps of `clock` (a bus, or the stem of a table's name) are late by `offset_s` against those
-    of `reference` at `at_ns`, and by `drift_ppm` more as time goes by; `by`: the channels that tell it, of the
-    reference first. Said, not applied: a `[[correction]]` of a bench file moves stamps."""
+    """`session-<id>`: the stamps of `clock` (a logger, a bus or the stem of a table's name) are late by `offset_s`
+    against those of `reference` at `at_ns`, and by `drift_ppm` more as time goes by; `by`: the channels that tell it,
+    of the reference first. Said, not applied: a `[[correction]]` of a bench file moves stamps."""
 
     session: str
     clock: str

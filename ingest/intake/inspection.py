@@ -13,11 +13,12 @@ import numpy as np
 
 from ingest.bench.bench_file import read_bench
 from ingest.bench.draft import draft_bench
+from ingest.bench.draft_loggers import loggers
 from ingest.bench.signals import Signal
 from ingest.errors import UnreadableLogError
 from ingest.facts.durable import scratch
 from ingest.formats import Rows, TimeSpec, recognise
-from ingest.intake.setup import Setup, named_in, refuse_missing, signals_in
+from ingest.intake.setup import Setup, kept_name, named_in, refuse_missing, signals_in
 from ingest.log import clock, specimens, stamps
 from ingest.log.databases import Database, load, merged
 from ingest.log.j1939 import explained
@@ -133,6 +134,9 @@ def draft(found: Inspection) -> str:
     settings: dict[str, Any] = {
         "labels": labels([name for name in tables[0] if all(name in one for one in tables)] if tables else ())
     }
+    settings["loggers"] = loggers(
+        {kept_name(one.path): one.reading.columns for one in found.files if one.reading and one.reading.holds == "rows"}
+    )
     settings["absolute"] = any(one.reading.absolute for one in found.files if one.reading)
     if untimed and untimed.reading:
         forms = {one.reading.format for one in found.files if one.reading}
@@ -144,7 +148,7 @@ def draft(found: Inspection) -> str:
 def _look(reader: Reader, path: Path, folder: Path, said: Setup | None) -> InspectedFile:
     recording, note, days = folder / "preview.mcap", None, None
     try:
-        reading = reader.record(path, recording, said.time(recognise(path)) if said else None)
+        reading = reader.record(path, recording, said.time(recognise(path), kept_name(path)) if said else None)
     except UnreadableLogError as error:
         if said:
             return InspectedFile(path, None, str(error), None, {})

@@ -53,7 +53,8 @@ def locate(store: Store, facts: Facts, decode: DecodeCompleted, records: Sequenc
             store.archive.lend(decode.raw, named)
         except DamageError as error:
             raise DamageError(f"{sealed.name}: {error}") from None
-        log = open_log(named, sealed_setup(store, facts, decode).time(recognise(named)))
+        time = sealed_setup(store, facts, decode).time(recognise(named), sealed.name)
+        log = open_log(named, time)
         log.sought = sorted(set(records))
         found: dict[int, Located] = {}
         try:

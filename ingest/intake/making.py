@@ -126,7 +126,7 @@ def _read_alone(job: _Job) -> ReadLog:
 def _read(reader: Reader, job: _Job) -> ReadLog:
     log, setup = job.done.log, job.setup.value()
     try:
-        time, attachments = setup.time(log.form), setup.attachments(log.form)
+        time, attachments = setup.time(log.form, kept_name(log.path)), setup.attachments(log.form)
         return ReadLog(log, reader.record(log.path, _recording(job.work, log), time, attachments), None)
     except UnreadableLogError as error:
         return ReadLog(log, None, str(error))
@@ -140,8 +140,8 @@ def _decode(job: _Job) -> DecodeCompleted:
     made.mkdir(exist_ok=True)
     if (recording := _recording(job.work, log)).exists():
         recording.rename(made / RECORDING)
-    databases = setup.databases_of(log.form)
-    return decode_file(job.done.reading, log.raw, databases, setup.bench, job.channels, made, setup.model)
+    databases, name = setup.databases_of(log.form), kept_name(log.path)
+    return decode_file(job.done.reading, log.raw, databases, setup.bench, job.channels, made, setup.model, name)
 
 
 def _quarantined(one: ReadLog, setup: Setup) -> DecodeCompleted:

@@ -60,9 +60,9 @@ class Setup:
     motor: MotorFile | None
     model: str | None = None
 
-    def time(self, form: Format) -> TimeSpec:
-        """How the stamps of a log of this format are to be understood."""
-        return self.bench.time_of.get(form.name, self.bench.time) if self.bench else TimeSpec()
+    def time(self, form: Format, log: str) -> TimeSpec:
+        """How the stamps of a log of this format and name are to be understood."""
+        return self.bench.time_for(form.name, log) if self.bench else TimeSpec()
 
     def databases_of(self, form: Format) -> tuple[Database, ...]:
         """The databases that a log of this format is decoded with: none for a table."""

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.bench.bench_file import Bench
 from ingest.facts.events import QualityFlagged
 from ingest.formats import WALL_CLOCK, Frames, Rows, TimeSpec
 from ingest.log.reading import LogReading
@@ -32,9 +31,8 @@ STRAY = "its stamp is more than 30 days off those before and after it"
 WALL_CLOCKS = ("blf", "asc", "trc", "lvm")  # formats whose date is always that of the recorder, without a zone
 
 
-def times_of(reading: LogReading, bench: Bench | None) -> str:
+def times_of(reading: LogReading, spec: TimeSpec) -> str:
     """What the stamps of a log are, in words: counted from its start, a wall clock taken as some zone, or UTC."""
-    spec = (bench.time_of.get(reading.format, bench.time) if bench else None) or TimeSpec()
     if not reading.absolute:
         return "counted from the log's own start"
     if spec.start_ns is not None:

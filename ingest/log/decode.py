@@ -21,7 +21,7 @@ from ingest.bench.bench_file import Bench
 from ingest.bench.resolving import ResolvedChannel
 from ingest.facts.durable import sha256_of
 from ingest.facts.events import DecodeCompleted
-from ingest.formats import SERIES, Frames, Rejected, Rows
+from ingest.formats import SERIES, Frames, Rejected, Rows, TimeSpec
 from ingest.log import clock, held, meant, recording, stamps
 from ingest.log.ahead import ahead
 from ingest.log.balance import Account, outcome
@@ -73,10 +73,12 @@ def decode_file(
     channels: Sequence[ResolvedChannel],
     folder: Path,
     model: str | None = None,
+    name: str = "",
 ) -> DecodeCompleted:
     """Decode `folder / "recording.mcap"` into Parquet files beside it, one for each group; the event says what came.
 
-    `raw` is the SHA-256 of the log, `model` that of the motor file, `channels` are those of `bench`, resolved. The
+    `raw` is the SHA-256 of the log and `name` its name, `model` the SHA-256 of the motor file, `channels` are those of
+    `bench`, resolved. The
     same inputs give the same bytes. Raises BenchFileError where the bench file does not fit the log, DamageError
     where the recording is damaged, and IngestError where records were lost.
     """
@@ -90,7 +92,9 @@ def decode_file(
     said: dict[str, Any] = {"databases": notes, "missing": plan(groups, channels, bench, texts)}
     said["databases_differ"] = meant.untold(databases, seen, names)
     said["changes"] = _changes(bench, reading)
-    said["times"] = [times_of(reading, bench)]
+    logger = bench.logger_of(name) if bench else None
+    times = times_of(reading, bench.time_for(reading.format, name) if bench else TimeSpec())
+    said["times"] = [f"logger {logger.name}, {times}" if logger else times]
     specimens = Specimens(bench, reading.columns)
     faults = stamps.look(path) if _is_long(reading) else None  # only in such a log can a stamp be far off
     with ThreadPoolExecutor(WRITERS) as pool:

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
+from scipy.optimize import brentq
 from scipy.signal import correlate, correlation_lags
 from scipy.stats import t as student
 
@@ -34,6 +35,7 @@ CLEAR = 0.6  # correlation from which two channels show one thing
 RIVAL = 0.8  # of the correlation at the lag, that one elsewhere may reach
 APART_s = 10.0  # from the lag, that a segment may be: 100 ppm in a day
 SEGMENTS, FEWEST = (8, 40), 6  # that the time is cut into, and that must tell
+OF_ONE = 20  # samples of the slower logger in a segment at least
 ROUNDS = 6
 FAR = 4.0  # standard deviations beyond which a segment is left out
 LEFT_OUT = 0.25  # of the segments, at most
@@ -157,7 +159,7 @@ def _coarse(x: Array, y: Array, step: float) -> tuple[float, float]:
 
 def _segments(of_x: _Course, of_y: _Course, t: Array, coarse: float, step: float) -> tuple[Array, Array, Array]:
     """Middle, lag and its sd [s] of each segment that tells one."""
-    count = int(np.clip(t[-1] / SLOW_s, *SEGMENTS))
+    count = int(np.clip(t[-1] / max(SLOW_s, OF_ONE * step), *SEGMENTS))
     found = []
     for part in np.array_split(t, count):
         lag = _nearest(of_x, of_y, part, coarse, step)
@@ -211,31 +213,39 @@ def _refined(of_x: _Course, of_y: _Course, part: Array, lag: float, step: float)
 def _line(t: Array, lag: Array, sd: Array, step: float) -> tuple[float, float, Array]:
     """Offset at `t` = 0 [s], drift [s/s] and their covariance (2, 2), from the lags (K,) of segments.
 
-    Their sd are widened to how they scatter, and to Student's t of so few.
+    What these scatter by beyond their sd is a variance that all have, as an edge lies anywhere between two samples (R.
+    C. Paule, J. Mandel, J. Res. NBS 87 (1982) 377, doi:10.6028/jres.087.022); widened to Student's t of so few.
     """
-    sd = np.hypot(sd, 1e-3 * step)
     used = np.ones(len(t), np.bool_)
+    alike = step / np.sqrt(12.0)
     for _ in range(ROUNDS):
-        weight = 1.0 / sd[used] ** 2
-        design = np.column_stack([np.ones(used.sum()), t[used]])
-        covariance = np.linalg.inv(design.T @ (weight[:, None] * design))
-        offset, drift = covariance @ design.T @ (weight * lag[used])
-        off = np.abs(lag - offset - drift * t)
-        typical = max(1.0, 1.4826 * float(np.median(off[used] / sd[used])))
-        now = off <= FAR * typical * sd
-        if (now == used).all():
+        line, _ = _weighted(t[used], lag[used], np.hypot(sd[used], alike))
+        off = np.abs(lag - line[0] - line[1] * t)
+        alike = 1.4826 * float(np.median(off[used]))
+        now = off <= FAR * np.hypot(sd, alike)
+        if (now == used).all() or now.sum() < FEWEST:
             break
         used = now
-        if used.sum() < FEWEST:
-            break
-    if used.sum() < max(FEWEST, (1 - LEFT_OUT) * len(t)):
+    if now.sum() < max(FEWEST, (1 - LEFT_OUT) * len(t)) or np.sqrt((off[used] ** 2).mean()) > step:
         raise CannotTellError("the lag is no straight line over time: a clock was set, or records are missing")
-    free = int(used.sum()) - 2
-    spread = max(1.0, float((off[used] ** 2 / sd[used] ** 2).sum()) / free)
-    if np.sqrt((off[used] ** 2).mean()) > step:
-        raise CannotTellError("the lag is no straight line over time: a clock was set, or records are missing")
-    widened = spread * (float(student.ppf(0.975, free)) / 1.96) ** 2
-    return float(offset), float(drift), covariance * widened
+    t, lag, sd, free = t[used], lag[used], sd[used], int(used.sum()) - 2
+
+    def beyond(variance: float) -> float:
+        """How much more the lags scatter than with this variance of all."""
+        all_sd = np.sqrt(sd**2 + variance)
+        line, _ = _weighted(t, lag, all_sd)
+        return float((((lag - line[0] - line[1] * t) / all_sd) ** 2).sum()) - free
+
+    of_all = brentq(beyond, 0.0, np.ptp(lag) ** 2) if beyond(0.0) > 0.0 else 0.0
+    (offset, drift), covariance = _weighted(t, lag, np.sqrt(sd**2 + of_all))
+    return float(offset), float(drift), covariance * (float(student.ppf(0.975, free)) / 1.96) ** 2
+
+
+def _weighted(t: Array, lag: Array, sd: Array) -> tuple[Array, Array]:
+    """The line through lags of these sd (K,), its height at `t` = 0 and its slope, and their covariance (2, 2)."""
+    design = np.column_stack([np.ones(len(t)), t]) / sd[:, None]
+    covariance = np.asarray(np.linalg.inv(design.T @ design), np.float64)
+    return covariance @ design.T @ (lag / sd), covariance
 
 
 def pairs(first: Sequence[ChannelData], second: Sequence[ChannelData]) -> Iterator[tuple[ChannelData, ChannelData]]:

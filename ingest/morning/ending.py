@@ -72,7 +72,7 @@ def broken_off(before: str, comparison: Comparison) -> SessionEnd | None:
 
 def _of_cycle(channels: Sequence[ChannelData]) -> SessionEnd:
     speed = find(channels, "speed")
-    passes, share = wltc_passes(np.abs(each_second([speed])[0][0])) if speed else (0, 0.0)
+    passes, share = wltc_passes(np.abs(each_second([speed])[0][0])) if speed else ([], 0.0)
     if not passes:
         return SessionEnd("unknown", "no pass of the WLTC class 3b trace is found in its speed")
     if share >= FOLLOWED:

@@ -12,8 +12,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("sessions", metavar="S", nargs="+", help="sessions; their latest replays are added as layers")
     says = "where the .rrd files go (default: layers)"
     parser.add_argument("-o", "--out", metavar="DIR", type=Path, default=Path("layers"), help=says)
-    says = "lay sessions over one another: from their starts, or where they were driven alike"
-    parser.add_argument("--align", choices=("start", "test"), help=says)
+    says = "lay sessions over one another, from their starts or where they were driven alike, or the cycles of each"
+    parser.add_argument("--align", choices=("start", "test", "cycle"), help=says)
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--write-only", action="store_true", help="write the layers and do not open the viewer")
     where.add_argument("--web", action="store_true", help="serve the viewer to a browser, on this machine alone")

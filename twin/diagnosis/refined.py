@@ -14,7 +14,7 @@ from twin.diagnosis.posterior_mode import channel_rises, linearised, rises, slow
 from twin.diagnosis.reml import ObservedSeries, as_fast_as_slow, reml
 from twin.differences.candidates import Candidate
 from twin.fitting.actions import Parameter
-from twin.fitting.fit import LINEARISATIONS, NEAR_ENOUGH, Fit, fit
+from twin.fitting.fit import LINEARISATIONS, NEAR_ENOUGH, ON_THE_WAY, Fit, fit, fit_from_file
 from twin.fitting.model import Columns, Floats, Model
 from twin.fitting.noise import ChannelNoise
 from twin.fitting.supposed import supposing
@@ -22,14 +22,13 @@ from twin.fitting.supposed import supposing
 Tell = Callable[[str], None]
 
 IN_DESIGN = 10  # leading candidates beside the parameters when the noise is fitted
-ON_THE_WAY = 4  # linearisations of a fit that another follows under other noise or priors
 
 
 def calibrated(model: Model, candidates: Sequence[Candidate], tell: Tell) -> Fit:
     """The fit of a healthy motor as every diagnosis begins, what is supposed of nodes without a sensor among its
     readings (`twin.fitting.supposed`). Raises `DivergedError` where the file's own run leaves the finite numbers."""
     model = supposing(model)
-    return refined(fit(model, np.zeros(len(model.parameters)), NEAR_ENOUGH), candidates, model.parameters, tell)
+    return refined(fit_from_file(model), candidates, model.parameters, tell)
 
 
 def refined(current: Fit, candidates: Sequence[Candidate], stated: Sequence[Parameter], tell: Tell) -> Fit:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,7 @@ from twin.diagnosis.next_tests import read_throughout
 from twin.diagnosis.rounds import weighed
 from twin.differences.candidates import Candidate
 from twin.errors import DivergedError
-from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
+from twin.fitting.fit import Fit, fit_from_file
 from twin.fitting.model import Floats, Index, Model, Test
 from twin.fitting.noise import ChannelNoise, Series, log_det, whiten
 from twin.fitting.recorded import RecordedChannel
@@ -73,6 +74,7 @@ def scan(model: Model, candidates: Sequence[Candidate]) -> list[Swap]:
     recorded = {name: name for name in uncalibrated.sheet}
     pairs = [(c, c.action) for c in candidates if isinstance(c.action, Exchange)]
     found: list[Swap] = []
+    as_recorded = _AsRecorded(model, candidates)
     while pairs:
         base = uncalibrated.log_evidence(recorded)
         gains = [uncalibrated.log_evidence(_crossed(recorded, at)) - base for _, at in pairs]
@@ -80,39 +82,55 @@ def scan(model: Model, candidates: Sequence[Candidate]) -> list[Swap]:
         if gains[best] <= MARGIN:
             break
         candidate, at = pairs[best]
-        if not _stands_out_calibrated(model, at, candidates):
+        if not as_recorded.is_behind(at):
             del pairs[best]
             continue
         found.append(Swap(candidate, gains[best]))
         recorded = _crossed(recorded, at)
-        model = _exchanged_in(model, at)
+        as_recorded = _AsRecorded(as_recorded.exchanged(at), candidates)
         taken = {at.channel, at.other}
         pairs = [(c, p) for c, p in pairs if taken.isdisjoint((p.channel, p.other))]
     return found
 
 
-def _stands_out_calibrated(model: Model, pair: Exchange, candidates: Sequence[Candidate]) -> bool:
-    """Whether the motor calibrated to the exchanged tests is ahead of the one calibrated to the tests as they are, by
-    more than any other cause would be. A motor that cannot be calibrated is behind."""
-    as_recorded, crossed = _calibrated(model), _calibrated(_exchanged_in(model, pair))
-    if as_recorded is None or crossed is None:
-        return crossed is not None
-    ahead = crossed.log_evidence - as_recorded.log_evidence
-    others = [c for c in candidates if not c.discrete]
-    if ahead > MARGIN and others:
-        ahead -= float(weighed(as_recorded, others).scores.log_bayes_factor.max(initial=0.0))
-    return ahead > MARGIN
+@dataclass(frozen=True, eq=False)
+class _AsRecorded:
+    """The tests with the channels that are taken for exchanged so far, calibrated once for all further pairs."""
+
+    model: Model
+    candidates: Sequence[Candidate]
+
+    def exchanged(self, pair: Exchange) -> Model:
+        own = self.model
+        return Model(own.network, exchanged(own.tests, pair.channel, pair.other), own.parameters, own.noise)
+
+    def is_behind(self, pair: Exchange) -> bool:
+        """Whether the motor calibrated to the tests with a pair exchanged is ahead of the one calibrated to them as
+        they are, by more than any other cause would be. A motor that cannot be calibrated is behind."""
+        crossed = _calibrated(self.exchanged(pair))
+        if self._calibrated is None or crossed is None:
+            return crossed is not None
+        ahead = crossed.log_evidence - self._calibrated.log_evidence
+        return ahead > MARGIN and ahead - self._by_another_cause > MARGIN
+
+    @cached_property
+    def _calibrated(self) -> Fit | None:
+        return _calibrated(self.model)
+
+    @cached_property
+    def _by_another_cause(self) -> float:
+        """The largest ln BF of a candidate that exchanges nothing, 0 where there is none."""
+        others = [c for c in self.candidates if not c.discrete]
+        if self._calibrated is None or not others:
+            return 0.0
+        return float(weighed(self._calibrated, others).scores.log_bayes_factor.max(initial=0.0))
 
 
 def _calibrated(model: Model) -> Fit | None:
     try:
-        return fit(model, np.zeros(len(model.parameters)), NEAR_ENOUGH)
+        return fit_from_file(model)
     except DivergedError:
         return None
-
-
-def _exchanged_in(model: Model, pair: Exchange) -> Model:
-    return Model(model.network, exchanged(model.tests, pair.channel, pair.other), model.parameters, model.noise)
 
 
 def _crossed(recorded: Mapping[str, str], pair: Exchange) -> dict[str, str]:

@@ -8,7 +8,10 @@ serves several steps (Shamanskii's method: C. T. Kelley, Iterative Methods for L
 A motor that is far from its file lies at the end of a bent valley, where straight steps swing from side to side. So a
 step is a piece of a parabola (geodesic acceleration: M. K. Transtrum, J. P. Sethna, arXiv:1201.5885): with v the damped
 step and a what the curvature of the readings along it adds, the search moves to beta + t v + t^2 a, as far (t up to 1)
-as a stays a correction of v.
+as a stays a correction of v. And there is more than one valley: which one a search ends in is decided by its first
+steps, which under narrow noise follow a few readings far from the file. So it first looks where the priors hold it near
+the file, under wide noise, and goes on from there (continuation: E. L. Allgower, K. Georg, Introduction to Numerical
+Continuation Methods, SIAM 2003, doi:10.1137/1.9780898719154).
 """
 
 from __future__ import annotations
@@ -29,6 +32,8 @@ from twin.fitting.noise import Series, log_det
 Floats = NDArray[np.float64]
 
 NEAR_ENOUGH = 0.5  # of ln posterior, where evidences are compared
+WIDE, NEAR_THE_FILE = 10.0, 5.0  # times the noise, and what is enough there
+ON_THE_WAY = 4  # linearisations of a fit that another follows under other noise or priors
 ENOUGH = 0.05  # what is left to gain in ln posterior, by the quadratic model, when the search ends
 LINEARISATIONS = 40
 STEPS = 4  # with one linearisation
@@ -81,6 +86,16 @@ class Fit:
     @property
     def covariance_diagonal(self) -> Floats:
         return np.diag(np.linalg.inv(self.hessian))
+
+
+def fit_from_file(model: Model) -> Fit:
+    """The mode that is near the file: from the file's own numbers under wide noise, then under the model's, both to
+    what is enough to compare evidences. Raises as `fit`."""
+    names = {one.name for test in model.tests for one in (*test.channels, *test.meters, *test.supposed)}
+    own = {name: model.noise_of(name) for name in names}
+    wide = {name: replace(one, ar_sd=WIDE * one.ar_sd, ou_sd=WIDE * one.ou_sd) for name, one in own.items()}
+    near = fit(model.with_noise(wide), np.zeros(len(model.parameters)), NEAR_THE_FILE, ON_THE_WAY)
+    return fit(model, near.beta, NEAR_ENOUGH)
 
 
 def fit(model: Model, start: Floats, enough: float = ENOUGH, linearisations: int = LINEARISATIONS) -> Fit:

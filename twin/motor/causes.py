@@ -43,7 +43,7 @@ _PLACES = {  # kind -> how its place is written, in a pattern and in words
     "capacity": (_NAME, "a node"),
     "boundary": (_NAME, "a boundary"),
     "sensor": (_SENSOR, "a node, or node@signal"),
-    "clock": (r"\w+", "a bus such as can2, or the stem of a file"),
+    "clock": (r"\w+", "a bus such as can2, a logger, or the stem of a file"),
     "input": (_NAME, "an input quantity"),
     "ageing": (rf"{_NAME}|{_LINK}", "a node or a link"),
 }
@@ -243,7 +243,7 @@ _OWN_WORDS = {
 
 def says(cause: Cause) -> str:
     """The cause in plain words, one sentence without its full stop."""
-    place = place_words(cause.place)
+    place = cause.place if cause.kind == "clock" else place_words(cause.place)  # a logger's name is no words
     if cause.law.startswith("swap_"):
         return f"the sensors at {place} and {_words(cause.law.removeprefix('swap_'))} are exchanged"
     if cause.kind == "boundary" and cause.law.startswith(IN_SESSION):

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,12 @@ class Compared:
     first_record: NDArray[np.int64]
     last_record: NDArray[np.int64]
     raw: NDArray[np.int64]
+
+    def between(self, begin_ns: int, end_ns: int) -> Self:
+        """The part of it from one moment to before another."""
+        there = (self.t_ns >= begin_ns) & (self.t_ns < end_ns)
+        own: dict[str, Any] = {name: a[there] for name, a in vars(self).items() if isinstance(a, np.ndarray)}
+        return replace(self, **own)
 
     @property
     def residual(self) -> NDArray[np.float64]:
@@ -146,3 +153,24 @@ class Run:
     filtered: Filtered | None = None
     meters: tuple[Metered, ...] = ()
     heat: HeatCourse | None = None
+
+    def between(self, begin_ns: int, end_ns: int) -> Run:
+        """The part of its courses from one moment to before another, with the summary of the whole, and without what a
+        filter said."""
+        first, last = np.searchsorted(self.t_ns, [begin_ns, end_ns]).tolist()
+        edges, steps = slice(first, last), slice(first, max(first, last - 1))
+        heat = self.heat and HeatCourse(
+            {kind: watts[steps] for kind, watts in self.heat.kinds.items()},
+            {name: watts[steps] for name, watts in self.heat.boundaries.items()},
+        )
+        return replace(
+            self,
+            t_ns=self.t_ns[edges],
+            temperatures=self.temperatures[edges],
+            inputs={name: means[steps] for name, means in self.inputs.items()},
+            losses_W=self.losses_W[steps],
+            observed=tuple(one.between(begin_ns, end_ns) for one in self.observed),
+            filtered=None,
+            meters=tuple(one.between(begin_ns, end_ns) for one in self.meters),
+            heat=heat,
+        )

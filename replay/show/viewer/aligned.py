@@ -15,6 +15,7 @@ from ingest.texts.units import as_written
 from replay.errors import ViewerError
 from replay.show.viewer import beside
 from replay.show.viewer.layer_file import LayerFile
+from replay.show.viewer.passes import passes
 from replay.show.viewer.seen import SessionSeen, path, sdk, unit
 from replay.show.words import words
 from replay.show.words.palette import SERIES
@@ -22,13 +23,25 @@ from replay.show.words.palette import SERIES
 MEASURED_WIDTH, MODEL_WIDTH = 2.4, 1.0
 COLOURS = [dark for _, dark in SERIES.values()]
 SECOND_NS = 1_000_000_000
+WAYS = {
+    "start": "from their starts",
+    "test": "laid where they were driven alike for longest",
+    "cycle": "each from its start",
+}
 
 
 def write_aligned(sessions: Sequence[SessionSeen], way: str, folder: Path) -> Path:
-    """One .rrd with the courses of `sessions` by time since their starts (`way` "start") or since the first one's,
-    each shifted to where it was driven alike for longest ("test"): a colour a session, a panel a node, measured
-    thick, the last model thin; residuals with zero and the sensors' bands, phases below. Raises ViewerError where
-    there are more than 7 sessions, or no such stretch."""
+    """One .rrd with the courses of `sessions` by time since their starts (`way` "start"), since the first one's, each
+    shifted to where it was driven alike for longest ("test"), or of their cycles, each since its own ("cycle"): a
+    colour a session or cycle, a panel a node, measured thick, the last model thin; residuals with zero and the sensors'
+    bands, phases below. Of more than 7 cycles the first, the last and some between. Raises ViewerError where there are
+    more than 7 sessions, no such stretch, or no cycles."""
+    whole = [one.session for one in sessions]
+    says = WAYS[way]
+    if way == "cycle":
+        every = [part for one in sessions for part in passes(one)]
+        sessions = [every[i] for i in np.unique(np.linspace(0, len(every) - 1, len(COLOURS)).round().astype(int))]
+        says += f", {len(sessions)} of {len(every)}" if len(sessions) < len(every) else ""
     if len(sessions) > len(COLOURS):
         raise ViewerError(f"--align shows {len(COLOURS)} sessions at most: leave {len(sessions) - len(COLOURS)} out.")
     zeros = [one.session.start_ns for one in sessions]
@@ -37,11 +50,11 @@ def write_aligned(sessions: Sequence[SessionSeen], way: str, folder: Path) -> Pa
     names = [one.session.name for one in sessions]
     sdk()
     folder.mkdir(parents=True, exist_ok=True)
-    target = folder / f"{'+'.join(names)}.rrd"
-    id_ = "+".join(one.session.session for one in sessions)
+    title = "+".join(one.name for one in whole) + (" by cycle" if way == "cycle" else "")
+    target = folder / f"{title}.rrd"
+    id_ = "+".join(one.session for one in whole) + (way if way == "cycle" else "")
     with LayerFile.open(id_, " over ".join(names), target, _layout(sessions), absolute=False) as to:
         to.key("lines", dict(zip(names, COLOURS, strict=False)))
-        says = "from their starts" if way == "start" else "laid where they were driven alike for longest"
         rows = [f"- {one.session.name}: {one.session.kind}" for one in sessions]
         to.text("answer", f"**{words.joined(names)}, {says}.**\n\nMeasured thick, model thin.\n\n" + "\n".join(rows))
         for one, zero, colour in zip(sessions, zeros, COLOURS, strict=False):
@@ -111,7 +124,8 @@ def _layout(sessions: Sequence[SessionSeen]) -> Any:
     for node in nodes:
         above = series(f"{words.capital(words.name(node))} [°C]", [f"+ /{path('node', node)}/**"])
         below = series("measured − model [K]", [f"+ /{path('residual', node)}/**", f"+ /{path('band', node)}/**"])
-        columns.append(rrb.Vertical(above, below, row_shares=[3, 2]))
+        replayed = any(one.last for one in sessions)
+        columns.append(rrb.Vertical(above, below, row_shares=[3, 2]) if replayed else above)
     driven = {channel.spec.quantity for one in sessions for channel in operating(one.channels).values()}
     drive = [
         series(f"{quantity} [{as_written(STORED_UNIT[quantity])}]", [f"+ /{path('inputs', quantity)}/**"])

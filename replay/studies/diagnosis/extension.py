@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import assert_never
 
@@ -21,6 +21,7 @@ from twin.diagnosis.swaps import Swap
 from twin.differences.candidates import sensor_place
 from twin.fitting import actions
 from twin.fitting.fit import Fit
+from twin.fitting.model import Test
 from twin.motor.causes import OF_THE_MOTOR
 from twin.motor.network import Network
 from twin.motor.sensor import Sensor
@@ -40,11 +41,18 @@ class Version:
 
 
 def version(
-    question: Question, campaign: Campaign, found: Fit, named: Sequence[Refit], swaps: Sequence[Swap], note: str
+    question: Question,
+    campaign: Campaign,
+    found: Fit,
+    named: Sequence[Refit],
+    swaps: Sequence[Swap],
+    note: str,
+    kept: Sequence[Test] = (),
 ) -> Version:
     """Motor and bench files with what a fit learnt, sealed: a replay of them gives what the fit gives, less what
     belongs to one session. Each bench file of the question says what was learnt of the signals that it has. `named`:
-    the fit's terms; `swaps`: channels that were exchanged for it; `note` stands in all files."""
+    the fit's terms; `swaps`: channels that were exchanged for it; `note` stands in all files; `kept`: the question's
+    kept sessions, whose logs a correction of a clock is to reach, too."""
     store, facts = question.store, question.facts
     driving = {i.bus for i in campaign.inputs}
     places = {place_of(found, refit): refit for refit in named}
@@ -65,12 +73,25 @@ def version(
     for sha256, parent in question.benches.items():
         before = store.archive.read(sha256)
         at_ns = _when(question, read_bench(before, parent.name))
-        said = _Said(read_bench(before, parent.name).at(at_ns), learnt, swaps, network, campaign.observed)
+        clocks = _clocks(question, [*campaign.tests, *kept], sha256)
+        said = _Said(read_bench(before, parent.name).at(at_ns), learnt, swaps, network, clocks)
         weights = {c: shares for c, shares in own.weights.items() if said.has(c)}
         after = corrected(before, parent.name, in_order(said.corrections(amounts)), note, weights, at_ns)
         if after != before:
             benches[sha256] = question.seal(after)
     return Version(motor, next(iter(benches.values()), None), benches)
+
+
+def _clocks(question: Question, tests: Sequence[Test], bench: str) -> dict[str, list[str]]:
+    """Channel -> what stamps it in the sessions of a bench file (SHA-256): one clock, or as many as there are sessions
+    where its logs are of no `[[logger]]` and each is called by its day. `tests`: the question's, kept ones last."""
+    found: dict[str, list[str]] = {}
+    for session, test in zip([*question.train, *question.kept], tests, strict=False):
+        own = question.facts.bench_of(session)
+        if own is not None and own.sha256 == bench:
+            for one in test.channels:
+                found.setdefault(one.name, []).append(one.sensor.bus)
+    return found
 
 
 def _when(question: Question, bench: Bench) -> int | None:
@@ -92,13 +113,14 @@ def _when(question: Question, bench: Bench) -> int | None:
 @dataclass(frozen=True)
 class _Said:
     """What one bench file can say of what was learnt, and by which ids. `learnt`: the sensors with the weights that the
-    new bench file gives them, as a correction is found by what a sensor follows there."""
+    new bench file gives them, as a correction is found by what a sensor follows there; `clocks`: channel -> what stamps
+    it, session by session."""
 
     bench: Bench
     learnt: Sequence[Sensor]
     swaps: Sequence[Swap]
     network: Network
-    observed: Sequence[Sensor]
+    clocks: Mapping[str, Collection[str]]
 
     def has(self, channel: str) -> bool:
         return any(channel in (c.name, c.signal) for c in self._used)
@@ -116,8 +138,7 @@ class _Said:
         crossed = _crossed(here, swaps)
         sensors = {name: self._place(c, list(crossed.values())) for name, c in crossed.items()}
         for action, amount in amounts.items():
-            if (cause := self._cause(action, sensors)) is not None:
-                found[cause] = amount
+            found |= dict.fromkeys(self._causes(action, sensors), amount)
         return found
 
     def _place(self, sensor: Sensor, among: Sequence[Sensor]) -> str:
@@ -128,22 +149,23 @@ class _Said:
             return f"{sensor.node}@{spelt(sensor.name)}"
         return sensor_place(sensor, among)
 
-    def _cause(self, action: actions.OnBench, sensors: Mapping[str, str]) -> str | None:
-        """The id of the correction that takes off what an action does; None where this file has nothing of it."""
+    def _causes(self, action: actions.OnBench, sensors: Mapping[str, str]) -> list[str]:
+        """The ids of the corrections that take off what an action does: none where this file has nothing of it, several
+        for a clock whose logs have names of their own in each session."""
         match action:
             case Misreading(channel) | Lag(channel):
-                return f"sensor.{sensors[channel]}.{action.law}" if channel in sensors else None
+                return [f"sensor.{sensors[channel]}.{action.law}"] if channel in sensors else []
             case actions.Late(channels) | actions.Slowed(channels):
-                bus = next(o.bus for o in self.observed if o.name in channels)
-                return f"clock.{spelt(bus)}.{action.law}" if any(self.has(c) for c in channels) else None
+                clocks = dict.fromkeys(clock for c in channels for clock in self.clocks.get(c, ()))
+                return [f"clock.{spelt(clock)}.{action.law}" for clock in clocks]
             case actions.BoundaryBias(boundary):
                 name = self.network.boundaries[boundary].name
                 there = any(c.node == name and c.quantity == "temperature" for c in self._used)
-                return f"boundary.{name}.bias" if there else None
+                return [f"boundary.{name}.bias"] if there else []
             case actions.InputGain(name):
-                return f"input.{name}.gain" if self._gives(name) else None
+                return [f"input.{name}.gain"] if self._gives(name) else []
             case actions.InputBias(name):
-                return f"input.{name}.bias" if self._gives(name) else None
+                return [f"input.{name}.bias"] if self._gives(name) else []
             case _:
                 assert_never(action)
 

@@ -27,7 +27,7 @@ class Offered:
 
 def offered(question: Question, campaign: Campaign, found: Found, identity: str, kept: Sequence[Test]) -> Offered:
     """Write the versions and replay the `kept` sessions with each; without any, those that were learnt from."""
-    files, why = _written(question, campaign, found, identity)
+    files, why = _written(question, campaign, found, identity, kept)
     sessions, tests = (question.kept, kept) if kept else (question.train, campaign.tests)
     runs: dict[str, AsRecorded] = {}
     ran_away: dict[str, str] = {}
@@ -43,20 +43,22 @@ def offered(question: Question, campaign: Campaign, found: Found, identity: str,
 
 
 def _written(
-    question: Question, campaign: Campaign, found: Found, identity: str
+    question: Question, campaign: Campaign, found: Found, identity: str, kept: Sequence[Test]
 ) -> tuple[dict[str, Version], str | None]:
     """The versions, where a file can say them, and why there are none, where it cannot: what was found is said all the
     same."""
     try:
         note = f"Recalibrated by diagnosis {identity}."
-        before = version(question, campaign, found.base, (), (), note)
-        after = _extended(question, campaign, found, identity)
+        before = version(question, campaign, found.base, (), (), note, kept)
+        after = _extended(question, campaign, found, identity, kept)
     except (IngestError, MotorFileError, TwinError) as error:
         return {}, str(error)
     return {"before": before} | ({"after": after} if after else {}), None
 
 
-def _extended(question: Question, campaign: Campaign, found: Found, identity: str) -> Version | None:
+def _extended(
+    question: Question, campaign: Campaign, found: Found, identity: str, kept: Sequence[Test]
+) -> Version | None:
     """With every cause that was named, or an unknown heat that is a map, whether the kept sessions got better or not;
     None where a file can say none."""
     named = [str(refit.candidate.cause) for refit in found.naming.accepted if refit.candidate.sayable]
@@ -65,4 +67,4 @@ def _extended(question: Question, campaign: Campaign, found: Found, identity: st
     if not named:  # what changes from session to session is said by no file
         return None
     note = f"Extended by diagnosis {identity}: {', '.join(named)}."
-    return version(question, campaign, found.naming.final, found.naming.accepted, found.swaps, note)
+    return version(question, campaign, found.naming.final, found.naming.accepted, found.swaps, note, kept)

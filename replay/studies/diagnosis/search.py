@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from replay.studies.diagnosis.answer_parts import place_of
 from replay.studies.diagnosis.kept_sessions import Measured, measured
 from replay.studies.diagnosis.question import Campaign
@@ -17,7 +15,7 @@ from twin.diagnosis.rounds import EVIDENT, Refit
 from twin.diagnosis.swaps import Swap, exchanged
 from twin.differences.everyday import everyday
 from twin.errors import DivergedError
-from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
+from twin.fitting.fit import NEAR_ENOUGH, Fit, fit, fit_from_file
 from twin.fitting.model import Model, Test
 from twin.fitting.supposed import supposing
 
@@ -63,7 +61,7 @@ def find(campaign: Campaign, model: Model, swaps: list[Swap], kept: list[Test], 
     unknown = _unknown(naming)
     if kept and swaps:
         crossed = supposing(Model(campaign.network, campaign.tests, model.parameters, naming.final.model.noise))
-        base = fit(crossed, np.zeros(len(model.parameters)), enough=NEAR_ENOUGH)
+        base = fit_from_file(crossed)
         result = measured(base, naming.final, campaign.tests, kept, True, straight_kept)
     return Found(naming, refused, swaps, unknown, result, base)
 

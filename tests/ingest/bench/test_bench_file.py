@@ -22,6 +22,7 @@ from ingest.bench.channel import Channel
 from ingest.bench.derating import DERATING_KEYS, DeratingRule
 from ingest.bench.resolving import ResolvedChannel, check_nodes, resolve
 from ingest.bench.signals import Signal
+from ingest.bench.time_tables import LOGGER_KEYS, OF_FORMAT, TIME_KEYS, TIME_UNITS
 from ingest.errors import BenchFileError, ExpressionError, IngestError, TomlError, UnitError
 from ingest.formats import TimeSpec, utc_ns
 from ingest.texts.quantities import CONVENTIONS, STORED_UNIT, Conversion
@@ -548,6 +549,34 @@ def test_a_start_without_offset_is_local_time_of_the_zone(time: str, start: str)
     assert read(f"[time]\n{time}").time.start_ns == utc_ns(datetime.fromisoformat(start))
 
 
+@pytest.mark.parametrize(
+    ("logger", "says"),
+    [
+        ('name = "thermo"', "files is missing: it must be a text in quotes."),
+        ('name = "T 1"\nfiles = "*"', "name must be a name of lower-case letters, digits and _"),
+        ('name = "can2"\nfiles = "*"', 'name "can2" is what a bus is called: choose another.'),
+        ('name = "a"\nfiles = "*"\nzone = "Europe/Roma"', "Nearest: Europe/Rome."),
+        ('name = "a"\nfiles = "*"\njoin_gap_s = 3', 'unknown key "join_gap_s".'),
+    ],
+)
+def test_a_logger_that_cannot_be_is_refused(logger: str, says: str) -> None:
+    assert says in refusal(IngestError, f"[[logger]]\n{logger}")
+
+
+def test_a_log_is_of_the_first_logger_that_its_name_fits_and_its_stamps_are_read_as_that_says() -> None:
+    bench = read(
+        '[time]\nzone = "Asia/Tokyo"\n[time.csv]\nzone = "Europe/Rome"\n'
+        '[[logger]]\nname = "thermo"\nfiles = "Thermo_?.*"\nunit = "ms"\n'
+        '[[logger]]\nname = "power"\nfiles = "*_?.csv"\n'
+    )
+    names = ("thermo_1.CSV", "thermo_1.csv in day.zip", "POWER_2.csv", "thermo_12.csv", "drive.csv")
+    found = [bench.logger_of(name) for name in names]
+    assert [one.name if one else None for one in found] == ["thermo", "thermo", "power", None, None]
+    assert bench.time_for("csv", "thermo_1.CSV") == TimeSpec(unit="ms")
+    assert bench.time_for("csv", "POWER_2.csv").zone == bench.time_for("csv", "drive.csv").zone == "Europe/Rome"
+    assert bench.time_for("blf", "drive.blf").zone == "Asia/Tokyo"
+
+
 @pytest.mark.parametrize("heading", ["### What may be observed", "## `[[change]]`", "## `[[derating]]`"])
 def test_the_entries_on_the_page_are_read(heading: str) -> None:
     page = (PACKAGE.parent / "docs" / "bench_file.md").read_text(encoding="utf-8")
@@ -667,7 +696,8 @@ def keys(schema: dict[str, Any]) -> set[str]:
 def test_the_schema_lists_exactly_the_keys_that_are_read() -> None:
     properties = SCHEMA["properties"]
     assert keys(SCHEMA) == {"schema", *bench_module.ROOT_KEYS}
-    assert keys(properties["time"]) == {*bench_module.TIME_KEYS, "join_gap_s", *bench_module.OF_FORMAT}
+    assert keys(properties["time"]) == {*TIME_KEYS, "join_gap_s", *OF_FORMAT}
+    assert keys(properties["logger"]["items"]) == {*LOGGER_KEYS, *TIME_KEYS}
     assert keys(properties["channel"]["items"]) == set(channel_tables.CHANNEL_KEYS)
     assert keys(properties["derived"]["items"]) == set(channel_tables.DERIVED_KEYS)
     assert keys(properties["change"]["items"]) == set(CHANGE_KEYS)
@@ -686,7 +716,7 @@ def test_the_schema_lists_exactly_the_choices_that_are_read() -> None:
         "role": channel_tables.ROLES,
     }
     assert tuple(SCHEMA["properties"]["kind"]["enum"]) == bench_module.KINDS
-    assert tuple(SCHEMA["properties"]["time"]["properties"]["unit"]["enum"]) == bench_module.TIME_UNITS
+    assert tuple(SCHEMA["properties"]["time"]["properties"]["unit"]["enum"]) == TIME_UNITS
     assert SCHEMA["properties"]["schema"]["const"] == bench_module.SCHEMA
 
 

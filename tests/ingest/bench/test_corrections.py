@@ -154,7 +154,11 @@ def test_a_place_leads_to_the_channels_that_go_by_it(cause: str, channels: list[
         ("boundary.coolent.bias", 1, 'no channel measures "coolent". Nearest: coolant.'),
         ("input.currnt.gain", 1, 'no input gives "currnt". Nearest: current.'),
         ("input.temperature.bias", 1, 'no input gives "temperature". There are: current, flow.'),
-        ("clock.can 2.offset", 1, "names no clock: write a bus such as can2, or the stem of a log's name."),
+        (
+            "clock.can 2.offset",
+            1,
+            "names no clock: write a bus such as can2, a [[logger]], or the stem of a log's name.",
+        ),
         (
             "sensor.magnet.bias",
             1,

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ingest.catalogue.channels import ChannelData
-from ingest.catalogue.kinds import recognise, wltc
+from ingest.catalogue.kinds import recognise, repeats, wltc
 from made.channels import channel
 from made.places import EXAMPLES
 
@@ -226,3 +226,16 @@ def test_a_drive_of_months_is_told_from_its_first_weeks(monkeypatch: pytest.Monk
     monkeypatch.setattr("ingest.catalogue.kinds.LONGEST_s", 2000)
     speed = np.r_[np.full(2000, 3000.0), 1500 + 1400 * np.sin(np.arange(6000) / 30)]
     assert recognise(drive(speed, np.full(8000, 100.0))) == ("s1", "3,000 rpm and 100 Nm held for 33 min")
+
+
+def test_what_a_session_repeats_is_cut_apart() -> None:
+    begin_ns = channel("n", "speed", np.zeros(1), rate_Hz=1.0).t_ns[0]
+    twice = np.r_[np.zeros(30), wltc(), np.zeros(60), wltc(), np.zeros(200)] * 100.0
+    spans = [((a - begin_ns) / 1e9, (b - begin_ns) / 1e9) for a, b in repeats([channel("n", "speed", twice)])]
+    assert spans == [(30.0, 1831.0), (1891.0, 3692.0)]
+    pulses = np.tile(np.r_[np.full(40, 100.0), np.zeros(200)], 4)
+    spans = repeats(drive(np.full(len(pulses), 3000.0), pulses))
+    assert np.diff([a for a, _ in spans]).tolist() == [240_000_000_000] * 3
+    assert [b for _, b in spans[:-1]] == [a for a, _ in spans[1:]]
+    assert repeats(drive(np.full(2000, 3000.0), np.full(2000, 50.0))) == []
+    assert repeats([channel("T", "temperature", np.full(2000, 50.0))]) == []

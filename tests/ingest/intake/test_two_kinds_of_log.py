@@ -84,6 +84,33 @@ def test_stamps_of_one_kind_of_log_are_explained_for_that_kind_alone(tmp_path: P
     ]
 
 
+def test_two_tables_of_one_kind_are_explained_by_their_loggers(tmp_path: Path, capsys: Capture) -> None:
+    """One logger writes UTC, the other one local time, day after day under another name."""
+    heads = {"Thermo_2025-10-09.csv": "time,MotorSpeed", "power_2025-10-09.csv": "time,n"}
+    hours = {"Thermo_2025-10-09.csv": "10", "power_2025-10-09.csv": "08"}
+    for name, head in heads.items():
+        rows = "".join(f"2025-10-09 {hours[name]}:53:{20 + i},{i}\n" for i in range(20))
+        (tmp_path / name).write_text(f"{head}\n{rows}", encoding="utf-8")
+    (tmp_path / "bench.dbc").write_text(DBC, encoding="utf-8")
+    logger = '[[logger]]\nname = "thermo"\nfiles = "thermo_*"\nzone = "Europe/Rome"\n'
+    bench = BENCH.replace("Drive.MotorSpeed", "n").replace("rows.", "") + logger
+    query = "SELECT quantity, min(t_ns) // 1000000000 AS first_s FROM samples WHERE quantity IS NOT NULL GROUP BY ALL"
+    logs = [str(tmp_path / name) for name in heads]
+    assert sorted(rows_of(tmp_path, capsys, bench, logs, query), key=str) == [
+        {"quantity": "speed", "first_s": 1_760_000_000},
+        {"quantity": "speed_command", "first_s": 1_760_000_000},
+    ]
+
+
+def test_show_says_whose_stamps_they_are(tmp_path: Path, capsys: Capture) -> None:
+    logger = '[[logger]]\nname = "drive"\nfiles = "log.*"\n'
+    logs = write_logs(tmp_path, "epoch_s,MotorSpeed\n1760000000,1\n1760000001,2\n")
+    rows_of(tmp_path, capsys, BENCH + logger, logs, "SELECT 1")
+    assert main(["show", "log", "--store", str(tmp_path / "store")]) == 0
+    said = [line for line in capsys.readouterr().out.splitlines() if "times: " in line]
+    assert len(said) == 2 and all("times: logger drive, " in line for line in said)
+
+
 def test_lines_to_skip_that_are_all_there_is_are_refused(tmp_path: Path, capsys: Capture) -> None:
     (tmp_path / "log.csv").write_text("a;b\n1;2\n", encoding="utf-8")
     (tmp_path / "bench.toml").write_text('schema = "whyhot.bench/1"\n[time]\nskip_rows = 7\n', encoding="utf-8")

@@ -54,6 +54,21 @@ def test_offset_and_drift_lie_within_what_is_said_over_many_draws() -> None:
     assert np.std(np.array(off)[:, 1]) > 0.4, "nor is more uncertainty said than there is"
 
 
+@pytest.mark.parametrize("interval_s", [1.0, 5.0])
+def test_the_band_of_a_drift_holds_where_edges_fall_anywhere_between_the_samples(interval_s: float) -> None:
+    """Ramps of 0.1 s at any moment: a slower logger knows of each edge between which two samples it was."""
+    off = []
+    for seed in range(12):
+        random = np.random.default_rng(seed)
+        edges, levels = np.cumsum(random.uniform(15, 90, 240)), random.uniform(0, 6000, 240)
+        at = np.searchsorted(edges, np.arange(36_000) / 10)
+        late_s, ppm = random.uniform([-20, -80], [20, 80])
+        second = _second_logger(levels[at], seed, late_s, ppm, 1 / interval_s)
+        found = align(_first_logger(levels[at], seed), second)
+        off.append((found.drift_ppm - ppm) / found.drift_sd_ppm)
+    assert np.abs(off).max() < 3.0 and np.sqrt(np.mean(np.square(off))) < 1.3
+
+
 def test_fast_loggers_tell_a_hundredth_of_a_second() -> None:
     found = _found(3, 0.25, 0.0, 10.0)
     assert found.offset_s == pytest.approx(0.25, abs=2 * found.offset_sd_s)

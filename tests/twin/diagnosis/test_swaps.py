@@ -206,5 +206,5 @@ def test_a_pair_that_calibration_puts_right_is_no_exchange(monkeypatch: pytest.M
     def as_good(*_: object) -> SimpleNamespace:
         return SimpleNamespace(log_evidence=7.0)
 
-    monkeypatch.setattr(swaps, "fit", as_good)
+    monkeypatch.setattr(swaps, "fit_from_file", as_good)
     assert swaps.scan(_model(network, tests), PAIRS) == []

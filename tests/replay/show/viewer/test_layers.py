@@ -312,6 +312,36 @@ def test_aligned_residuals_have_zero_and_the_sensors_bands_and_each_sessions_pha
     assert "+ /phase/**" in views["phases and masked samples"]
 
 
+def test_the_cycles_of_a_session_are_laid_over_one_another_each_with_its_part_of_the_replay(tmp_path: Path) -> None:
+    """Twelve heatings of 200 s each, of which seven are shown."""
+    pytest.importorskip("rerun")
+    t_s = UTC_NS / 1e9 + np.arange(2400)
+    oven = 20.0 + 100.0 * (np.arange(2400) % 200 >= 100)
+    own = channel("T_1", "temperature", oven, t_s=t_s, role="observed", node="winding")
+    session = replace(seen_session(), name="oven", kind="ageing")
+    file = aligned.write_aligned([SessionSeen(session, [own], {"published": made_run()})], "cycle", tmp_path)
+    assert file.name == "oven by cycle.rrd"
+    assert "oven_cycle_12, each from its start, 7 of 12.**" in text_of(file, "answer")
+    at, drawn = values(file, "node/winding/oven_cycle_3/T_1", "Scalars:scalars")
+    assert at[0] == 0 and at[-1] == 199_000_000_000 and drawn[[0, 1, -1]].tolist() == [20.0, 120.0, 20.0]
+    node = made_run().observed[0].node
+    at, _ = values(file, f"node/{node}/oven_cycle_3/{made_run().observed[0].channel}/model", "Scalars:scalars")
+    assert 0 <= at[0] < STEP_NS and 199 * STEP_NS <= at[-1] < 200 * STEP_NS
+
+
+def test_a_session_without_cycles_is_refused_with_another_way(tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    for kind, value in (
+        ("s1", 80.0 + np.zeros(600)),
+        ("ageing", np.linspace(60.0, 80.0, 600)),
+        ("ageing", np.zeros(0)),
+    ):
+        own = channel("T_1", "temperature", value, t_s=UTC_NS / 1e9 + np.arange(len(value)))
+        one = SessionSeen(replace(seen_session(), kind=kind), [own])
+        with pytest.raises(ViewerError, match=f"1_s1 .{kind}. repeats nothing.*--align start"):
+            aligned.write_aligned([one], "cycle", tmp_path)
+
+
 def driven(name: str, later_s: int) -> SessionSeen:
     """A session of an hour in which the same speeds are driven `later_s` after its start."""
     t_s = UTC_NS / 1e9 + np.arange(3600)

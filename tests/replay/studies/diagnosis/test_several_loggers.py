@@ -299,3 +299,37 @@ def test_one_of_two_names_in_a_bench_file_is_called_by_its_signal(tmp_path: Path
     assert answer["why_no_files"] is None
     ((_, sha256),) = answer["extended_benches"].items()
     assert "sensor.winding@TC_winding.bias" in corrections(tmp_path / "store", sha256)
+
+
+LATE_s = 6.0  # the stamps of the thermometers' logger
+
+
+def write_two_loggers(folder: Path, name: str) -> list[str]:
+    """The table of a session as two loggers write it, the thermometers' late, each file called by its session."""
+    table = np.genfromtxt(write_log(folder, name, columns(), too_much_K=0.0), delimiter=",", names=True)
+    paths = []
+    for what, own, late_s in (("bench", INPUTS, 0.0), ("thermo", PLAIN, LATE_s)):
+        path = folder / f"{name}_{what}.csv"
+        values = np.column_stack([table["epoch_s"] + late_s, *(table[one] for one in own)])
+        np.savetxt(path, values, "%.2f", ",", header=",".join(["epoch_s", *own]), comments="", encoding="utf-8")
+        paths.append(str(path))
+    return paths
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_clock_is_put_right_in_every_log_of_its_logger(tmp_path: Path, capsys: Capture, known: bool) -> None:
+    (tmp_path / "motor.toml").write_text(can_bench.MOTOR, encoding="utf-8")
+    logger = '[[logger]]\nname = "thermo"\nfiles = "*_Thermo.*"\n' if known else ""
+    (tmp_path / "bench.toml").write_text(bench(columns()) + logger, encoding="utf-8")
+    paths = [path for name in SESSIONS for path in write_two_loggers(tmp_path, name)]
+    store = tmp_path / "store"
+    assert main(["ingest", *paths, "--bench", str(tmp_path / "bench.toml"), "--store", str(store)]) == 0
+    first, second, third = (session.name for session in facts_of(store).sessions)
+    answer = asked(store, capsys, words=("diagnose", "--on", first, second, "--hold-out", third))
+    clocks = ["thermo"] if known else [f"{name}_thermo" for name in SESSIONS]
+    (cause,) = answer["causes"]
+    assert cause["id"] == f"clock.{clocks[0]}.offset"
+    assert cause["says"] == f"the stamps of {clocks[0]} are shifted in time"
+    said = corrections(store, answer["extended_bench"])
+    assert said == {f"clock.{clock}.offset": pytest.approx(LATE_s, abs=1.0) for clock in clocks}
+    assert len(set(said.values())) == 1
