@@ -68,6 +68,11 @@ class Inspection:
     notes: tuple[str, ...] = ()
 
     @property
+    def there(self) -> list[FoundSignal]:
+        """The signals that the logs hold: not those of messages that a database describes and no log has."""
+        return [seen for seen in self.signals if seen.signal.bus or not seen.signal.message]
+
+    @property
     def refusals(self) -> list[str]:
         """What could not be read, one line a file."""
         return [one.why for one in self.files if one.why]
@@ -142,7 +147,7 @@ def draft(found: Inspection) -> str:
         forms = {one.reading.format for one in found.files if one.reading}
         settings |= {"untimed": untimed.note, "days": untimed.days}
         settings["format"] = untimed.reading.format if len(forms) > 1 else None
-    return draft_bench([seen.signal for seen in found.signals], settings, name, found.at_once)
+    return draft_bench([seen.signal for seen in found.there], settings, name, found.at_once)
 
 
 def _look(reader: Reader, path: Path, folder: Path, said: Setup | None) -> InspectedFile:

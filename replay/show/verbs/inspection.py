@@ -54,10 +54,13 @@ def _file_json(one: InspectedFile) -> dict[str, Any]:
 def inspection_text(found: Inspection) -> str:
     """Files first, then signals with what they seem to be."""
     lines = [line for one in found.files if one.reading for line in _file_lines(one)]
-    width = max((len(seen.signal.qualified) for seen in found.signals), default=0)
-    lines += [f"  {_signal_line(seen, width)}" for seen in found.signals[:SHOWN]]
-    if len(found.signals) > SHOWN:
-        lines.append(f"  and {len(found.signals) - SHOWN} more signals (--json has all)")
+    there = found.there
+    width = max((len(seen.signal.qualified) for seen in there), default=0)
+    lines += [f"  {_signal_line(seen, width)}" for seen in there[:SHOWN]]
+    if len(there) > SHOWN:
+        lines.append(f"  and {len(there) - SHOWN} more signals (--json has all)")
+    if absent := len(found.signals) - len(there):
+        lines.append(f"  {counted(absent, 'signal')} of the databases in no frame of these logs")
     unknown = list(found.unknown_ids.items())
     for key, count in unknown[:UNKNOWN]:
         lines.append(f"  {key}: {count:,} frame{'s' * (count != 1)} that no database explains")
@@ -72,10 +75,12 @@ def inspection_text(found: Inspection) -> str:
 
 def nothing_to_draft(found: Inspection, databases: Sequence[Path], draft: Path) -> str | None:
     """Why `draft` was not written; None where there are signals to write down."""
-    if found.signals:
+    if found.there:
         return None
     if _frames(found) and not databases:
         return f"{draft}: no draft was written: frames show no signals without their database. Add --dbc FILE.dbc."
+    if found.signals:
+        return f"{draft}: no draft was written: no message of the databases is in these logs. Name theirs with --dbc."
     return f"{draft}: no draft was written: no signal was found in these logs. Give logs that hold some."
 
 
@@ -85,7 +90,7 @@ def next_step(
     """What to do after `whyhot inspect` of `logs`, those that can be read, with these --dbc, --bench, --bench-draft."""
     explained = bool(databases) or not _frames(found)
     dbc = [word for path in databases for word in ("--dbc", str(path))] if explained else ["--dbc", "FILE.dbc"]
-    if draft and found.signals and explained:
+    if draft and found.there and explained:
         return f"complete {draft}, then whyhot ingest {shlex.join([*logs, '--bench', str(draft), *dbc])}"
     if bench and not draft:
         return f"whyhot ingest {shlex.join([*logs, '--bench', str(bench), *dbc])}"
