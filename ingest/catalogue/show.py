@@ -12,9 +12,10 @@ from ingest.catalogue.contradicting import contradicting
 from ingest.catalogue.description import ChannelDescription, Repeats, SessionDescription, SourceDescription
 from ingest.catalogue.looked import Looked, look
 from ingest.catalogue.quality import ChannelQuality
-from ingest.facts.events import COUNTS, SessionRecorded
+from ingest.facts.events import COUNTS, SAME_NAME, DecodeCompleted, SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.standing import records
+from ingest.log.findings import findings
 
 if TYPE_CHECKING:
     from ingest.facts.store import Store
@@ -31,7 +32,7 @@ def described(facts: Facts, session: SessionRecorded, samples: Looked) -> Sessio
     balance = power.balance(channels)
     bench = facts.bench_of(session)
     decodes = [facts.decodes[file["decode"]] for file in session.files]
-    flagged = [flag.says for file in session.files for flag in facts.flags.get(f"file-{file['raw']}", ())]
+    flagged = [says for decode in decodes for says in _flagged(facts, decode)]
     found = [flag.says for flag in contradicting(channels, lambda raw: facts.files[raw].name)]
     found += [flag.says for flag in quality.findings(qualities)]
     seen = [f"{one.name}: {one.finding}" for one in facts.inspections.values() if one.session == session.session]
@@ -58,6 +59,12 @@ def described(facts: Facts, session: SessionRecorded, samples: Looked) -> Sessio
         operating_points=operating_points.cells(channels),
         findings=tuple(dict.fromkeys([*flagged, *found, *late, *impossible, *currents, *seen])),
     )
+
+
+def _flagged(facts: Facts, decode: DecodeCompleted) -> list[str]:
+    """What is to be looked at in a log, as it is decoded now: what an earlier decode said may be mended since."""
+    said = (flag.says for flag in facts.flags.get(f"file-{decode.raw}", ()) if flag.flag == SAME_NAME)
+    return [*(flag.says for flag in findings(facts.files[decode.raw].name, decode)), *said]
 
 
 def sessions_json(facts: Facts, sessions: Sequence[SessionRecorded] | None = None) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from typing import Annotated, Any, ClassVar, dataclass_transform
 
 Json = dict[str, Any]
 OfModel = dict[str, dict[str, str] | str]  # model -> bench file -> its version
+SAME_NAME = "same_name_other_bytes"  # a flag of a file
 COUNTS = ("decoded", "unknown_id", "wrong_length", "rejected")  # what becomes of a record
 
 

@@ -33,11 +33,13 @@ from ingest.errors import UnreadableLogError
 EXTENDED = np.uint32(1 << 31)  # set in `Frames.can_id` for 29-bit identifiers
 REMOTE, FD, TRANSMIT = 2, 4, 8  # bits of `Frames.flags`
 SERIES = "series"  # setting of a table with several: name -> columns, "" of those without a name
+RASTERS = "rasters"  # setting of a table that was joined of several: the columns of each
 GZIP = b"\x1f\x8b"
 RATIO, ALWAYS = 200, 256 << 20  # a packed file may unpack to this many times its size, or to this many bytes
 BATCH_ROWS = 100_000  # at most
 SHOWN = 64  # first bytes, or characters, of what cannot be read
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+WALL_CLOCK = "the recorder's wall clock"  # setting "time" of a log whose date is one, without a zone
 YEARS = (1971, 2200)  # of a log: in 1970 no clock was set, and int64 nanoseconds end in 2262
 
 
@@ -307,6 +309,10 @@ def recognise(path: Path) -> Format:
         texts = (entry for entry in FORMATS if not entry.magic and path.name.lower().endswith(entry.suffixes))
         entry = next(texts, ANY_TEXT)
         return ANY_TEXT if entry.holds == "frames" and not re.search(FRAME_WAY, head) and not no_table(path) else entry
+    if not head.strip(b"\0"):
+        raise UnreadableLogError(
+            f"{path.name}: begins with {len(head):,} bytes of 0: what stood there is lost. Copy the file again."
+        )
     todo = no_logs.by_name(path) or "Export it as one of these"
     raise UnreadableLogError(f"{path.name}: is none of the known log formats ({SUFFIXES}). {todo}.")
 

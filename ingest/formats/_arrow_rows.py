@@ -10,7 +10,7 @@ local ones. A row without a time is rejected.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field
 from itertools import islice
@@ -34,6 +34,7 @@ from ingest.formats._long_tables import LongTable, recognise_long
 LONG_LOG = 4 << 30  # bytes, unpacked, of a log that may be as small as it likes: about a minute of reading
 DAMAGE = (pa.ArrowException, OSError, ValueError, KeyError)  # pyarrow raises these for damaged bytes
 MOST_PLACES, MOST_COLUMNS, LEVELS = 64, 1000, 16  # of a list; of what holds lists and structures
+NUMERALS = (Numerals("."), Numerals(","))
 NO_TIME = np.iinfo(np.int64).min  # in place of a missing stamp or duration
 
 Table = Mapping[str, pa.Array]  # columns by name
@@ -126,6 +127,8 @@ class ArrowLog(Log):
             self.settings["renamed"] = renamed
         if left := [name for name in names if name not in kept]:
             self.settings["left_out"] = left
+        if self._long is None and (said := _numbers_as_texts(dialect, self._clock.columns)):
+            self.settings["numbers_with_units"] = said
 
     def _typed(self, table: Table) -> Clock | None:
         """The clock of a column of stamps, or of durations; None without, and where `[time]` says something else."""
@@ -257,6 +260,18 @@ def _is_number(one: pa.DataType) -> bool:
 def _is_text(one: pa.DataType) -> bool:
     texts = (types.is_string, types.is_large_string, types.is_string_view, types.is_date, types.is_time)
     return types.is_timestamp(one) or any(is_one(one) for is_one in texts)
+
+
+def _numbers_as_texts(dialect: Dialect, others: Collection[str]) -> dict[str, str]:
+    """Columns of texts, none of `others`, that are numbers with decimals in the first rows, each with one. Those of
+    digits alone may be serial numbers."""
+    found = {}
+    for name, numeric, cells in zip(dialect.names, dialect.numeric, zip(*dialect.sample, strict=True), strict=False):
+        some = [] if numeric or name in others else [cell for cell in cells if cell]
+        decimal = next((cell for cell in some if not cell.lstrip("+-").isdigit()), None)
+        if decimal and all(any(numerals.is_number(cell) for numerals in NUMERALS) for cell in some):
+            found[name] = decimal
+    return found
 
 
 def _texts(table: Table) -> Iterator[list[str]]:

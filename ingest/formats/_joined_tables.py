@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.formats import Log, Rejected, Rows, rows_at_once
+from ingest.formats import RASTERS, Log, Rejected, Rows, rows_at_once
 from ingest.formats._csv_dialect import unique
 from ingest.formats._merged import part_size
 from ingest.formats._merged import rows as merged_rows
@@ -39,12 +39,19 @@ class OwnTimes:
     where: Callable[[int], str]
 
 
+NO_DATE = "no date, as other rows of the file have one: say start under [time] of the bench file"
 Span = tuple[OwnTimes, int, Ints]  # of a table: the number of a record, and the rows of it and of those behind it
 
 
 def held(t_ns: Ints, bad: Flags) -> Callable[[int, int], tuple[Ints, Flags]]:
     """`OwnTimes.times` of stamps (N,) that are in memory."""
     return lambda start, stop: (t_ns[start:stop], bad[start:stop])
+
+
+def undated(table: OwnTimes) -> OwnTimes:
+    """A table none of whose records has a time that can be compared with those of others."""
+    none = np.zeros(table.count, np.int64), np.ones(table.count, np.bool_)
+    return replace(table, times=held(*none), why=lambda _: NO_DATE)
 
 
 def counted(tables: Sequence[OwnTimes]) -> dict[str, int]:
@@ -65,6 +72,9 @@ class JoinedTables(Log):
         names = unique(full)[0]
         units = [unit.strip() for table in tables for unit in table.units]
         self.units |= {name: unit for name, unit in zip(names, units, strict=True) if unit}
+        if len(tables) > 1:
+            each = iter(names)
+            self.settings[RASTERS] = [[next(each) for _ in table.columns] for table in tables]
         size = rows_at_once(len(names))
         starts = [0] * len(tables)
         for rows in _placed(tables, size):

@@ -67,19 +67,20 @@ class Mdf3:
         self._order = ">" if int.from_bytes(self._read(ORDER_AT, 2), "little") else "<"
         self._conversions: dict[int, tuple[MdfConversion, str]] = {}
 
-    def start_ns(self, time: TimeSpec) -> int:
-        """When the recording began [ns UTC], 0 where the file does not say it. Before version 3.2 in local time."""
+    def start_ns(self, time: TimeSpec) -> tuple[int, bool]:
+        """When the recording began [ns UTC], 0 where the file does not say it; whether by a wall clock without a zone,
+        as before version 3.2."""
         block = self._block(HEADER_AT, b"HD")
         *_, date, clock = self._unpack(HEADER, block)
         if len(block.data) >= STAMP_AT + 10:
             stamp_ns, hours = self._unpack(HEADER_STAMP, block, STAMP_AT)
-            return int(stamp_ns) - 3_600_000_000_000 * int(hours)
+            return int(stamp_ns) - 3_600_000_000_000 * int(hours), False
         match = DATE.fullmatch(f"{_text(date)} {_text(clock)}")
         try:
             day, month, year, hour, minute, second = map(int, match.groups()) if match else (0,) * 6
-            return time.wall_ns(datetime(year, month, day, hour, minute, second)) or 0
+            return time.wall_ns(datetime(year, month, day, hour, minute, second)) or 0, True
         except ValueError:
-            return 0
+            return 0, True
 
     def data_groups(self) -> Iterator[OldBlock]:
         """All data groups. Raises BrokenBlock."""

@@ -10,7 +10,7 @@ from datetime import timedelta
 from tempfile import SpooledTemporaryFile
 from typing import IO, TypeVar
 
-from ingest.formats import EARLIEST_NS, EPOCH, LATE_NS, Log
+from ingest.formats import EARLIEST_NS, EPOCH, LATE_NS, WALL_CLOCK, Log
 from ingest.formats._mdf3_blocks import Mdf3
 from ingest.formats._mdf_blocks import BrokenBlock
 from ingest.formats._mdf_records import Mdf, Records
@@ -61,12 +61,12 @@ class MdfLog(Log):
             header = mdf.block(HEADER_AT, b"##HD")
         except BrokenBlock:
             raise BrokenBlock(f"its first block, at byte {HEADER_AT}, is damaged or encrypted") from None
-        self._take_start(self._start_of(header.data))
+        self._take_start(*self._start_of(header.data))
         groups = mdf.chain(header.links[0] if header.links else 0, b"##DG")
         yield from ((mdf, records) for records in self._each(groups, mdf.records))
 
     def _of_version_3(self, mdf: Mdf3) -> Iterator[tuple[Mdf3, Records]]:
-        self._take_start(mdf.start_ns(self.time))
+        self._take_start(*mdf.start_ns(self.time))
         yield from ((mdf, records) for records in self._each(mdf.data_groups(), mdf.records))
 
     def _each(self, groups: Iterator[DataGroup], records_of: Callable[[DataGroup], Records]) -> Iterator[Records]:
@@ -81,13 +81,17 @@ class MdfLog(Log):
             if records.ended:
                 self._problems.append(records.ended)
 
-    def _start_of(self, data: bytes) -> int:
+    def _start_of(self, data: bytes) -> tuple[int, bool]:
+        """(ns UTC, whether it is that of a wall clock without a zone)."""
         start_ns, _, _, flags = START.unpack_from(data.ljust(START.size, b"\0"))
-        if flags & LOCAL_TIME and start_ns < LATE_NS:
+        local = bool(flags & LOCAL_TIME)
+        if local and start_ns < LATE_NS:
             start_ns = self.time.wall_ns((EPOCH + timedelta(microseconds=start_ns // 1000)).replace(tzinfo=None)) or 0
-        return int(start_ns)
+        return int(start_ns), local
 
-    def _take_start(self, start_ns: int) -> None:
+    def _take_start(self, start_ns: int, local: bool) -> None:
+        if local:
+            self.settings["time"] = WALL_CLOCK
         dated = EARLIEST_NS <= start_ns < LATE_NS
         self.absolute = dated or self.time.start_ns is not None
         self._start_ns = self.time.start_ns if self.time.start_ns is not None else start_ns if dated else 0

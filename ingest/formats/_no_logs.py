@@ -56,12 +56,24 @@ NO_LOGS: Mapping[bytes, str] = {
     rb".{0,3000}?Channel, *ID, *Flags, *DLC, *D0": (
         "a log of CAN frames in CSV as Kvaser's tools write it. Export it as ASC, BLF or MF4 (Memorator Config Tool)"
     ),
-    rb"\s*Kvaser Memorator Log": (
+    rb"\s*(?:Kvaser Memorator Log|Chn +Identifier +Flg)": (
         "a log of CAN frames in text as Kvaser's tools write it. Export it as ASC, BLF or MF4 (Memorator Config Tool)"
     ),
     rb".{0,3000}?Abs Time ?\(Sec\),[^\n]{0,300}?Arb ID,": (
         "a buffer of CAN frames in CSV as Vehicle Spy writes it. Save it as ASC there"
     ),
+    rb"(?i).{0,3000}?(?:\A|[,;\t\n])\W{0,2}(?:(?:can|frame|message)[ _]?)?id(?:entifier)?[^\w,;\t\n]{0,3}[,;\t]"
+    rb"[^\n]{0,99}\bDLC\b[^\n]{0,99}[,;\t]\W{0,2}(?:data|d0|b0|db0|byte ?0)\b": (
+        "a table of CAN frames in a form that is not known. Export it as ASC, BLF, TRC or MF4 in what wrote it"
+    ),
+    rb"ASCII Trace IXXAT": "a trace of CAN frames in text as IXXAT's tools write it. Export it as ASC there",
+    rb"Timestamp: +\d+\.\d+ +ID: +[0-9a-f]{3,8} ": (
+        "a list of CAN frames as python-can prints it. Record them with can_logger -f log.blf"
+    ),
+    rb"\d+\.\d+ \d?[RT](?:11|29) [0-9A-Fa-f]{1,8} ": (
+        "a log of CAN frames of OVMS (CRTD). Record them with candump -l, or export them as ASC or GVRET CSV"
+    ),
+    rb"\x1b\[\d*m ?\(\d": "a list of CAN frames in the colours of a terminal. Record them with candump -l",
     rb"\s*\w+  [0-9A-F]{3,8}   ?\[\d{1,2}\] ": "a list of CAN frames without times. Record them with candump -l",
     rb"[^\s,=]{1,99}(?:,[^\s=]+=\S+)? \w+=\S+ \d{16,19}\r?\n": (
         "line protocol of InfluxDB. Export it as CSV (influx query --raw)"

@@ -14,7 +14,8 @@ import struct
 from bisect import bisect_right
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import IO, Any
 
@@ -29,6 +30,9 @@ BIG_ENDIAN = 1 << 6  # of the lead-in's flags
 OPEN_END = 0xFFFF_FFFF_FFFF_FFFF  # where the recorder did not come to write how long its last segment is
 EPOCH_1904_S = 2_082_844_800  # from TDMS' own epoch to 1970
 SECOND_NS = 1_000_000_000
+START = "wf_start_time"
+JITTER_NS, DRIFT = 0.1 * SECOND_NS, 1e-4  # of the clock that says when a segment begins: beyond, a recorder paused
+MOST_LOOKED_AT = 300  # segments of a file whose recorder paused
 MOST_SCALINGS = 1000  # of a channel: files hold a few, and nptdms looks for each that one claims
 
 DAMAGE = Exception  # nptdms raises whatever a damaged byte leads to, plain Exceptions among them
@@ -46,6 +50,7 @@ class TdmsFile:
     _file: IO[bytes]
     _path: Path
     edges: Sequence[int] = ()
+    _known: dict[int, dict[str, tuple[int, int | None]]] = field(default_factory=dict)
 
     def where(self, channel: Any, number: int) -> str:
         """The segment in which value `number` (from 0) of a channel stands, and its number there: how its bytes lie in
@@ -54,13 +59,46 @@ class TdmsFile:
         before = self._held(channel, self.edges[edge - 1])
         return f'byte {self.edges[edge - 1]:,}, value {number - before + 1:,} of "{channel.name}" in the segment there'
 
+    def starts(self, channel: Any, step_ns: float) -> tuple[tuple[int, int], ...]:
+        """(number of its first value, ns) of each stretch of a channel that begins at a time of its own, as a recorder
+        that goes on in a file says it. One stretch where the times that segments say follow each other; none where
+        there is no time. Raises UnreadableLogError where too many segments would have to be looked at."""
+        last = stamp_ns(channel.properties.get(START))
+        if last is None or len(self.edges) == 2:
+            return () if last is None else ((0, last),)
+        begin = bisect_right(self.edges, 0, 1, key=lambda end: self._held(channel, end))
+        first = self._start(channel, self.edges[begin])
+        before = self._held(channel, self.edges[-2])
+        lag_ns = last - (last if first is None else first) - before * step_ns
+        if first is None or last == first or abs(lag_ns) < max(step_ns, JITTER_NS + DRIFT * before * step_ns):
+            return ((0, last if first is None else first),)
+        if len(self.edges) > MOST_LOOKED_AT:
+            raise UnreadableLogError(
+                f'{self._path.name}: its {len(self.edges) - 1:,} segments say several times at which "{channel.name}" '
+                "begins: too many to be read. Export each recording as a file of its own (DIAdem, LabVIEW)."
+            )
+        said = [(self._held(channel, a), self._start(channel, b)) for a, b in pairwise(self.edges[begin - 1 :])]
+        news = [(number, ns) for (number, ns), (_, old) in zip(said, [(0, None), *said], strict=False) if ns != old]
+        return tuple((number, ns) for number, ns in news if ns is not None)
+
     def _held(self, channel: Any, end: int) -> int:
         """How many values of a channel stand in the first `end` bytes."""
-        found = _opened(_library(self._path.name), self._path, end) if end else None
-        if found is None:
-            return 0
-        with closing(found):
-            return next((len(one) for one in found.channels if one.path == channel.path), 0)
+        return self._said(end).get(channel.path, (0, None))[0]
+
+    def _start(self, channel: Any, end: int) -> int | None:
+        """When the last waveform of a channel began in the first `end` bytes [ns UTC]."""
+        return self._said(end).get(channel.path, (0, None))[1]
+
+    def _said(self, end: int) -> dict[str, tuple[int, int | None]]:
+        """Path of each channel -> its values in the first `end` bytes, and when the last waveform began."""
+        if end not in self._known:
+            found = _opened(_library(self._path.name), self._path, end) if end else None
+            self._known[end] = {}
+            if found is not None:
+                with closing(found):
+                    said = {one.path: (len(one), stamp_ns(one.properties.get(START))) for one in found.channels}
+                self._known[end] = said
+        return self._known[end]
 
     def close(self) -> None:
         self._file.close()

@@ -1,10 +1,10 @@
 """ASC: Vector's text format for CAN logs, packed with gzip or not.
 
 The date is a wall clock time without a zone: UTC unless `[time] zone` (without a column) says otherwise, or `[time]
-start` replaces it. The date of the first trigger block beats that of the header; a later block counts from its own
-date only where its stamps begin again. `timestamps relative`: each stamp counts from the line before. Error frames are
-found and rejected, remote frames have no payload. Statistics, bus states, requests to send (TxRq) and other events are
-no frames: they are counted in `settings["other_lines"]`.
+start` replaces it. The date of the first trigger block beats that of the header; a later block counts from its own date
+only where its stamps begin again, or are far before it. `timestamps relative`: each stamp counts from the line before.
+Error frames are found and rejected, remote frames have no payload. Statistics, bus states, requests to send (TxRq) and
+other events are no frames: they are counted in `settings["other_lines"]`.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ BLOCK_ENDS = re.compile(r"end\s+triggerblock", re.IGNORECASE)
 HEADER_LINE = re.compile(r"(date|base|//|$|(?:no\s+)?internal\s+events)", re.IGNORECASE)
 BASE_LINE = re.compile(r"base\s+(hex|dec)(?:\s+timestamps\s+(absolute|relative))?", re.IGNORECASE)
 LONGEST_S = 1e9  # of a stamp; one that is longer is damaged
+LONGEST_BEFORE_NS = 600 * 10**9  # that a trigger keeps of before: stamps that are further before its date begin anew
 LONGEST_STEP_S = 1e7  # from one line to the next, where stamps are relative: a damaged one would move all that follow
 
 
@@ -45,6 +46,7 @@ class _Clock:
     last_ns: int | None = None  # counted from the origin
     date_ns: int | None = None  # a date that was read, until the next stamp says whether time begins there
     first_date_ns: int | None = None
+    block_date_ns: int | None = None  # that the stamps count from now
 
     def place(self, stamps: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         """(t_ns, late) of the stamps (N,) [s] of consecutive lines; NaN where a line has none. Late: beyond any log."""
@@ -65,10 +67,11 @@ class _Clock:
         """Let the date that was read last count from `first_ns` on, where the stamps begin anew there."""
         if self.date_ns is None:
             return
-        if self.last_ns is None or self.relative or first_ns < self.last_ns:
+        late = self.block_date_ns is not None and self.date_ns - self.block_date_ns - first_ns > LONGEST_BEFORE_NS
+        if self.last_ns is None or self.relative or first_ns < self.last_ns or late:
             if self.first_date_ns is None:
                 self.first_date_ns = self.date_ns
-            self.origin_ns, self.last_ns = self.date_ns, None
+            self.origin_ns, self.last_ns, self.block_date_ns = self.date_ns, None, self.date_ns
             if self.stated_ns is not None:
                 self.origin_ns = self.stated_ns + self.date_ns - self.first_date_ns
         self.date_ns = None

@@ -20,7 +20,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.formats import Rows
+from ingest.formats import WALL_CLOCK, Rows
 from ingest.formats._csv_time_names import UNITS_NS, base_and_unit, is_time_name, unit_of_time
 from ingest.formats._joined_tables import JoinedTables, OwnTimes, counted, held
 
@@ -198,6 +198,7 @@ class AtfxLog(JoinedTables):
             begun = self.time.wall_ns(datetime(year, month, day, hour, minute, second))
         except ValueError:
             return None
+        self.settings["time"] = WALL_CLOCK
         return None if begun is None else begun + int(f"{match[7]:0<9}")
 
     def _stamps(self, clock: _Column, submatrix: _Instance, count: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:

@@ -13,7 +13,7 @@ import re
 from dataclasses import dataclass
 from datetime import datetime
 
-from ingest.formats import FD, REMOTE, TRANSMIT
+from ingest.formats import FD, REMOTE, TRANSMIT, WALL_CLOCK
 from ingest.formats._csv_stamps import DAY_NS, SECOND_NS
 from ingest.formats._frame_lines import (
     LONGEST_CLASSIC,
@@ -82,6 +82,7 @@ class BusmasterLog(FrameLines):
             except ValueError:  # no such day, or time
                 at_ns = None
             self._begun_ns, self._since_ns = at_ns or 0, 0
+            self.settings["time"] = WALL_CLOCK
             self._of_day_ns = _of_day_ns(hour, minute, second) if at_ns else 0
             self._day_ns = self._begun_ns // SECOND_NS * SECOND_NS - self._of_day_ns
 

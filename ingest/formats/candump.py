@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from itertools import chain, count, pairwise
 
-from ingest.formats import FD, REMOTE, TRANSMIT, Frames
+from ingest.formats import FD, REMOTE, TRANSMIT, WALL_CLOCK, Frames
 from ingest.formats._frame_lines import (
     ERROR_FRAME,
     LONGEST_CLASSIC,
@@ -106,7 +106,7 @@ class CandumpLog(FrameLines):
             whole = self.time.wall_ns(datetime.fromisoformat(date))
         except ValueError:
             return None
-        self.settings["time"] = f"date of the recorder in {self.time.zone}"
+        self.settings["time"] = WALL_CLOCK
         return None if whole is None else whole + nanoseconds(f"0.{part}")
 
     def _seconds(self, stamp: str) -> int:

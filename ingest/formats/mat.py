@@ -33,7 +33,7 @@ from ingest.formats._csv_dialect import SAMPLE_ROWS, UNIT_IN_NAME, Dialect
 from ingest.formats._csv_numbers import Numerals
 from ingest.formats._csv_time import recognise_clock, rises
 from ingest.formats._csv_time_names import is_time_name
-from ingest.formats._joined_tables import JoinedTables, OwnTimes, held
+from ingest.formats._joined_tables import JoinedTables, OwnTimes, held, undated
 from ingest.texts.nearest import hint
 
 TIME, SIMULINKS_TIME = "time", "tout"
@@ -107,9 +107,11 @@ class MatLog(JoinedTables):
             self.settings["left_out"] = left
         clocks = [self._clock(base) for base in bases]
         self.settings["time"] = sorted({clock.says for clock, _ in clocks})
-        self.absolute = all(clock.absolute for clock, _ in clocks)
+        self.absolute = any(clock.absolute for clock, _ in clocks)
         often = Counter(one.name for base in bases for one in base.vectors)
-        yield from self._joined([_table(base, *clock, often) for base, clock in zip(bases, clocks, strict=True)])
+        tables = [_table(base, *clock, often) for base, clock in zip(bases, clocks, strict=True)]
+        comparable = [clock.absolute == self.absolute for clock, _ in clocks]
+        yield from self._joined([one if known else undated(one) for one, known in zip(tables, comparable, strict=True)])
         self.end_rows(ended, self.rejected[0].why if self.rejected else "its vectors hold no value")
 
     def _variables(self, content: bytes) -> dict[str, Any]:

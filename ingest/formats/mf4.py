@@ -3,7 +3,8 @@
 Sorted or not, packed or not, finalised or not: a logger that lost its power leaves a file that is read up to there. The
 start is UTC; where the file says that it is local time, `[time] zone` tells which. Frames of several groups come in the
 order of time. Error frames are found and rejected, remote frames have no payload; records of other buses (LIN ...) are
-counted in `settings["other_records"]`. A file without frames is one of measured or decoded channels: `mdf`.
+counted in `settings["other_records"]`, measured channels beside frames are not read and named
+(`settings["channels_unread"]`). A file without frames is one of measured or decoded channels: `mdf`.
 """
 
 from __future__ import annotations
@@ -41,6 +42,7 @@ from ingest.formats._merged import part_size, rows
 EXTENDED_BIT = 31  # of an identifier of 32 bits
 NAME = re.compile(r"(?:^|\.)(CAN_(?:Data|Remote|Error)Frame|[A-Z]+_\w+?)(?:\.(\w+))?$")
 FRAMES = DATA, REMOTES, ERRORS = "CAN_DataFrame", "CAN_RemoteFrame", "CAN_ErrorFrame"
+MEASURED = "measured"  # what a group holds that is of no bus
 MOST_NAMES = 20  # of a group are looked at: frames begin theirs with their time and themselves
 MOST_GROUPS = 10_000  # are looked at
 BATCH = 100_000
@@ -93,12 +95,15 @@ class Mf4Log(MdfLog):
     """An MF4 file, read in bounded memory."""
 
     _other: Counter[str] = field(default_factory=Counter)
+    _measured: list[str] = field(default_factory=list)  # channels that are not read
 
     def batches(self) -> Iterator[Frames]:
         """Frames in the order of time. Raises UnreadableLogError where the file holds none."""
         with self._opened() as found:
             groups = [group for mdf, records in found if isinstance(mdf, Mdf) for group in self._groups(mdf, records)]
             self.settings["other_records"] = dict(sorted(self._other.items()))
+            if self._measured:
+                self.settings["channels_unread"] = self._measured
             self.found = sum(group.count for group in groups)
             if not self.found:
                 why = self._problems[0] if self._problems else "its groups of frames hold no record"
@@ -119,6 +124,7 @@ class Mf4Log(MdfLog):
                     yield self._group(mdf, records, group, table, kind, channels)
                 elif group.channels and table:
                     self._other[kind] += len(table)
+                    self._measured += [one.name for one in group.channels if kind == MEASURED and one.kind not in TIMES]
         except BrokenBlock as broken:
             self._problems.append(str(broken))
 
@@ -256,7 +262,7 @@ def _frames(whole: _Part, at: Ints, record: Ints) -> Frames:
 def _bus_channels(group: MdfGroup) -> tuple[str, dict[str, MdfChannel]]:
     """What a group holds ("CAN_DataFrame"), and its channels by the last part of their names ("ID")."""
     found: dict[str, MdfChannel] = {}
-    kind = "measured"
+    kind = MEASURED
     for channel in group.channels:
         match = NAME.search(channel.name)
         if match and match[2]:

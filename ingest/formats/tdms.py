@@ -25,7 +25,7 @@ from ingest.formats import EARLIEST_NS, EPOCH, LATE_NS, SHOWN, Rejected, Rows, r
 from ingest.formats._csv_clocks import LATEST_NS
 from ingest.formats._csv_time import rises
 from ingest.formats._csv_time_names import UNITS_NS, base_and_unit, is_time_name, unit_of_time
-from ingest.formats._joined_tables import JoinedTables, OwnTimes, held
+from ingest.formats._joined_tables import NO_DATE, JoinedTables, OwnTimes, held
 from ingest.formats._tdms_file import (
     TdmsFile,
     is_number,
@@ -33,7 +33,6 @@ from ingest.formats._tdms_file import (
     is_text,
     is_time,
     open_tdms,
-    stamp_ns,
     stamps_ns,
     values,
 )
@@ -49,11 +48,13 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class _Waveform:
-    """Rows at a fixed step: row k is at origin + offset + k times step."""
+    """Rows at a fixed step: row k is at origin + offset + k times step. `again`: (k, ns) of rows from which on it
+    counts anew, ns after the origin."""
 
     step_ns: float
     offset_ns: float
     origin_ns: int | None
+    again: tuple[tuple[int, int], ...] = ()
 
     @property
     def says(self) -> str:
@@ -61,9 +62,13 @@ class _Waveform:
 
     def t_ns(self, start: int, count: int) -> tuple[Ints, Flags, Sequence[bytes]]:
         """(t_ns, whether there is none, bytes of the file that say so) of `count` rows from `start` on (count,)."""
-        since = np.rint(self.offset_ns + np.arange(start, start + count) * self.step_ns)
-        bad = ~(np.abs(since) < LATEST_NS - (self.origin_ns or 0))
-        return (self.origin_ns or 0) + np.where(bad, 0.0, since).astype(np.int64), bad, []
+        firsts, begun_ns = np.array([(0, 0), *self.again], np.int64).T
+        rows = np.arange(start, start + count)
+        stretch = np.searchsorted(firsts, rows, "right") - 1
+        since = np.rint(self.offset_ns + (rows - firsts[stretch]) * self.step_ns)
+        origins = (self.origin_ns or 0) + begun_ns[stretch]
+        bad = ~(np.abs(since) < LATEST_NS - origins)
+        return origins + np.where(bad, 0.0, since).astype(np.int64), bad, []
 
 
 @dataclass(frozen=True)
@@ -95,11 +100,15 @@ class _Stamps:
         return t_ns, bad, [value.tobytes() for value in found]
 
 
+NO_CLOCK = "no time: the channel has no wf_increment, and its group no channel that holds the time"
+
+
 @dataclass(frozen=True)
 class _Untimed:
-    """No time at all, in a file whose other rows have one."""
+    """No time at all, or none that can be compared, in a file whose other rows have one."""
 
     group: str
+    why: str = NO_CLOCK
     says: str = "none"
     origin_ns: int | None = 0
 
@@ -130,7 +139,7 @@ class TdmsLog(JoinedTables):
     def _of_bases(self, file: TdmsFile) -> Iterator[Rows]:
         kept = [channel for channel in file.channels if is_number(channel) or is_text(channel) or is_time(channel)]
         self._names = _names(kept)
-        bases = self._bases(kept)
+        bases = self._bases(kept, file)
         stamps = {id(base.channel) for base in bases if isinstance(base, _Stamps)}
         columns = [channel for channel in kept if id(channel) not in stamps]
         self.absolute = all(base.origin_ns is not None for base in bases)
@@ -205,7 +214,7 @@ class TdmsLog(JoinedTables):
 
     # ---- time ------------------------------------------------------------------------------------------------------
 
-    def _bases(self, channels: Sequence[Any]) -> dict[_Base, list[Any]]:
+    def _bases(self, channels: Sequence[Any], file: TdmsFile) -> dict[_Base, list[Any]]:
         """Time base -> its channels. Raises UnreadableLogError where the stated time is none, or none is found."""
         stated, origin = self._stated(channels), self.time.start_ns
         found: dict[_Base, list[Any]] = {}
@@ -214,10 +223,10 @@ class TdmsLog(JoinedTables):
             clock = stated if stated in own else next((one for one in own if is_time(one)), None)
             clock = clock or next((one for one in own if _is_clock(one)), None)
             by_clock = self._clocked(clock, origin) if clock is not None else None
-            waves = {(wave, len(one)) for one in own if (wave := self._waveform(one, origin))}
+            waves = {(wave, len(one)) for one in own if (wave := self._waveform(one, origin, file))}
             for channel in own:
                 by_clock_alone = clock is not None and (clock is channel or clock is stated)
-                base = None if by_clock_alone else self._waveform(channel, origin)
+                base = None if by_clock_alone else self._waveform(channel, origin, file)
                 beside = [wave for wave, length in waves if len(waves) == 1 and length == len(channel)]
                 found.setdefault(base or by_clock or next(iter(beside), _Untimed(group)), []).append(channel)
         if all(isinstance(base, _Untimed) for base in found):
@@ -225,7 +234,7 @@ class TdmsLog(JoinedTables):
                 f"{self.path.name}: no channel says its time (wf_increment), and none holds it. Under [time] of the "
                 'bench file say rate_hz = 1.0 (rows at a fixed rate), or column = "..." with unit.'
             )
-        return found
+        return _dated(found)
 
     def _stated(self, channels: Sequence[Any]) -> Any | None:
         """The channel that `[time]` of the bench file names."""
@@ -245,16 +254,18 @@ class TdmsLog(JoinedTables):
             )
         return named[column]
 
-    def _waveform(self, channel: Any, origin: int | None) -> _Waveform | None:
+    def _waveform(self, channel: Any, origin: int | None, file: TdmsFile) -> _Waveform | None:
         """The base that the properties of a channel, or a stated rate, give; None without."""
         increment = 1 / self.time.rate_hz if self.time.rate_hz else _number(channel, "wf_increment")
         if not increment or not 1e-9 <= increment <= 1e9:
             return None
         offset = 0.0 if self.time.rate_hz else _number(channel, "wf_start_offset") or 0.0
-        begun = stamp_ns(channel.properties.get("wf_start_time"))
-        if begun is not None and not EARLIEST_NS <= begun < LATE_NS:
-            begun = None
-        return _Waveform(increment * SECOND_NS, offset * SECOND_NS, origin if origin is not None else begun)
+        starts = file.starts(channel, increment * SECOND_NS)
+        if not starts or not all(EARLIEST_NS <= ns < LATE_NS for _, ns in starts):
+            return _Waveform(increment * SECOND_NS, offset * SECOND_NS, origin)
+        begun = starts[0][1]
+        again = tuple((number, ns - begun) for number, ns in starts[1:])
+        return _Waveform(increment * SECOND_NS, offset * SECOND_NS, origin if origin is not None else begun, again)
 
     def _clocked(self, clock: Any, origin: int | None) -> _Stamps:
         if is_time(clock):
@@ -300,9 +311,21 @@ def _where(file: TdmsFile, channels: Sequence[Any], numbers: Ints, i: int) -> st
     return file.where(next(one for one in channels if number < len(one)), number)
 
 
+def _dated(found: dict[_Base, list[Any]]) -> dict[_Base, list[Any]]:
+    """The bases, those without a date as none at all where others have one: nothing says how they lie to each other."""
+    timed = [base for base in found if not isinstance(base, _Untimed)]
+    if len({base.origin_ns is None for base in timed}) < 2:
+        return found
+    dated: dict[_Base, list[Any]] = {}
+    for base, channels in found.items():
+        undated = _Untimed(channels[0].group_name, NO_DATE) if base.origin_ns is None else base
+        dated.setdefault(undated, []).extend(channels)
+    return dated
+
+
 def _why(base: _Base) -> str:
     if isinstance(base, _Untimed):
-        return "no time: the channel has no wf_increment, and its group no channel that holds the time"
+        return base.why
     return f"no time in {base.says}" if isinstance(base, _Stamps) else "its time is beyond what can be kept"
 
 

@@ -111,4 +111,6 @@ def _wrong(error: BaseException, target: Path) -> str:
     if isinstance(error, EOFError) or "Truncated" in str(error):
         return "was cut inside its packed contents: what comes before is used. Copy the archive again."
     target.unlink(missing_ok=True)
+    if "too much memory" in str(error):  # of Zstandard, which looks back over 128 MiB
+        return "is packed so that it takes too much memory to unpack. Unpack it first (unzstd --long=31)."
     return f"is damaged ({error}): nothing of it is used. Copy the archive again."

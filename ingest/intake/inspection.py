@@ -18,10 +18,11 @@ from ingest.bench.signals import Signal
 from ingest.errors import UnreadableLogError
 from ingest.facts.durable import scratch
 from ingest.formats import Rows, TimeSpec, recognise
-from ingest.intake.setup import Setup, kept_name, refuse_missing, signals_in
+from ingest.intake.setup import Setup, kept_name, named_in, refuse_missing, signals_in
 from ingest.log import clock, specimens, stamps
 from ingest.log.databases import Database, load, merged
 from ingest.log.j1939 import explained
+from ingest.log.meant import untold
 from ingest.log.reading import LogReading, Reader
 from ingest.log.recording import identifier_in, identifiers, read
 from ingest.log.specimens import Specimens
@@ -58,12 +59,18 @@ class InspectedFile:
 @dataclass(frozen=True)
 class Inspection:
     """Everything seen. `unknown_ids`: "can1:0x123" -> frames that no database explains; `at_once`: the signals of each
-    log and of those that run at the same time."""
+    log and of those that run at the same time; `notes`: what the databases say that is not read, or twice."""
 
     files: tuple[InspectedFile, ...]
     signals: tuple[FoundSignal, ...]
     unknown_ids: dict[str, int]
     at_once: tuple[frozenset[Signal], ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def there(self) -> list[FoundSignal]:
+        """The signals that the logs hold: not those of messages that a database describes and no log has."""
+        return [seen for seen in self.signals if seen.signal.bus or not seen.signal.message]
 
     @property
     def refusals(self) -> list[str]:
@@ -88,21 +95,31 @@ def inspect(files: Sequence[Path], databases: Sequence[Path], bench: Path | None
             guess(signal.name, signal.unit),
             *(ranges.get(signal.name, (None, None)) if not signal.message else (None, None)),
         )
-        for signal in _signals(loaded, readings)
+        for signal in _signals(loaded, readings, said)
     )
-    return Inspection(looked, seen, _unknown(loaded, readings), _at_once(loaded, readings))
+    at_once = _at_once(loaded, readings, said)
+    return Inspection(looked, seen, _unknown(loaded, readings), at_once, _notes(loaded, readings, said))
 
 
-def _signals(databases: Sequence[Database], readings: Sequence[LogReading]) -> list[Signal]:
+def _signals(databases: Sequence[Database], readings: Sequence[LogReading], said: Setup | None) -> list[Signal]:
     """The signals of logs, each with the unit that its name ends in where the log says none."""
-    return [replace(one, unit=one.unit or unit_in_name(one.name)) for one in signals_in(databases, readings)]
+    found = signals_in(databases, readings, said.bench if said else None)
+    return [replace(one, unit=one.unit or unit_in_name(one.name)) for one in found]
 
 
-def _at_once(databases: Sequence[Database], readings: Sequence[LogReading]) -> tuple[frozenset[Signal], ...]:
+def _at_once(
+    databases: Sequence[Database], readings: Sequence[LogReading], said: Setup | None
+) -> tuple[frozenset[Signal], ...]:
     return tuple(
-        frozenset(_signals(databases, [other for other in readings if other is one or _overlap(one, other)]))
+        frozenset(_signals(databases, [other for other in readings if other is one or _overlap(one, other)], said))
         for one in readings
     )
+
+
+def _notes(databases: Sequence[Database], readings: Sequence[LogReading], said: Setup | None) -> tuple[str, ...]:
+    seen = {place for one in readings for place in identifiers(one)}
+    differ = untold(databases, seen, named_in(said.bench if said else None))
+    return (*(note for one in databases for note in one.notes), *([differ] if differ else []))
 
 
 def _overlap(one: LogReading, other: LogReading) -> bool:
@@ -130,7 +147,7 @@ def draft(found: Inspection) -> str:
         forms = {one.reading.format for one in found.files if one.reading}
         settings |= {"untimed": untimed.note, "days": untimed.days}
         settings["format"] = untimed.reading.format if len(forms) > 1 else None
-    return draft_bench([seen.signal for seen in found.signals], settings, name, found.at_once)
+    return draft_bench([seen.signal for seen in found.there], settings, name, found.at_once)
 
 
 def _look(reader: Reader, path: Path, folder: Path, said: Setup | None) -> InspectedFile:

@@ -14,7 +14,7 @@ from pathlib import Path
 from ingest.errors import IngestError, UnreadableLogError
 from ingest.facts import facts as ledger_facts
 from ingest.facts.durable import sha256_of
-from ingest.facts.events import DecodeCompleted, Event, QualityFlagged, RawFileSealed, SessionRecorded
+from ingest.facts.events import SAME_NAME, DecodeCompleted, Event, QualityFlagged, RawFileSealed, SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.ledger import settled
 from ingest.facts.sessions import Override
@@ -23,8 +23,9 @@ from ingest.formats import recognise
 from ingest.intake.grouping import group_files
 from ingest.intake.making import LogFile, ReadLog, decode_logs, made_in, read_logs
 from ingest.intake.setup import Setup, keep_setup, kept_name, mend_setup, resolved
-from ingest.log import clock, j1939, specimens, unread
+from ingest.log import specimens
 from ingest.log.decode import newer
+from ingest.log.findings import findings
 from ingest.texts.names import handle
 from ingest.units.each import Workers
 
@@ -164,12 +165,7 @@ def _keep(store: Store, known: Facts, one: ReadLog, decode: DecodeCompleted, wor
         raise IngestError(f"{name}: changed while it was read: wait until it is whole, then ingest it again.")
     if decode.products:
         store.publish(made_in(work, decode), decode.decode)
-    flags = [
-        *clock.findings(name, decode.settings.get("clock", {}), decode.absolute),
-        *j1939.findings(name, decode.settings),
-        *unread.findings(name, decode.settings),
-        *specimens.findings(name, decode.settings),
-    ]
+    flags = findings(name, decode)
 
     def record() -> None:
         events = _news(ledger_facts.now(store.ledger, known), log, decode, size, flags)
@@ -193,5 +189,5 @@ def _news(
     for twin in known.called(name):
         if log.raw not in known.files:
             says = f"{name}: another file of this name was ingested before, with other bytes ({handle(twin.sha256)})"
-            events.append(QualityFlagged(flag="same_name_other_bytes", says=says, detail={"other": twin.sha256}))
+            events.append(QualityFlagged(flag=SAME_NAME, says=says, detail={"other": twin.sha256}))
     return events

@@ -28,6 +28,7 @@ from ingest.formats import Format, TimeSpec
 from ingest.log.databases import Database, merged, signals_of
 from ingest.log.databases import load as load_database
 from ingest.log.j1939 import explained
+from ingest.log.meant import on_bus
 from ingest.log.reading import LogReading
 from ingest.log.recording import Attachment, bus_name, identifiers
 from ingest.texts.nearest import hint
@@ -177,8 +178,8 @@ def _refuse_no_date(bench: Bench, reading: LogReading, name: str) -> None:
 def _resolved(
     setup: Setup, state: Bench, together: Sequence[LogReading], every: Sequence[LogReading], known: Facts
 ) -> Sequence[ResolvedChannel]:
-    here = signals_in(setup.databases, together)
-    signals = [*here, *_elsewhere(state, here, signals_in(setup.databases, every), known)]
+    here = signals_in(setup.databases, together, state)
+    signals = [*here, *_elsewhere(state, here, signals_in(setup.databases, every, state), known)]
     if setup.motor is None:
         return resolve(state, signals)
     return resolve(state, signals, setup.motor.boundaries, setup.motor.regions)
@@ -188,7 +189,7 @@ def _elsewhere(bench: Bench, here: Sequence[Signal], given: Sequence[Signal], kn
     """Signals of the bench file that only other logs hold: those given, or taken in earlier (a late file of a session
     may come alone)."""
     now = Directory(here)
-    names = [name for name in sorted({name for one in bench.channels for name in one.needs}) if not now.find(name)]
+    names = [name for name in sorted(named_in(bench)) if not now.find(name)]
     if not names:
         return []
     decodes = sorted(known.decodes.values(), key=lambda decode: decode.bench != bench.sha256)
@@ -196,17 +197,27 @@ def _elsewhere(bench: Bench, here: Sequence[Signal], given: Sequence[Signal], kn
     return [before.find(name)[0] for name in names if before.find(name)]
 
 
-def signals_in(databases: Sequence[Database], readings: Sequence[LogReading]) -> list[Signal]:
-    """Every signal that these logs hold or that their databases know: of a seen message on its bus, else on none."""
+def signals_in(
+    databases: Sequence[Database], readings: Sequence[LogReading], bench: Bench | None = None
+) -> list[Signal]:
+    """Every signal that these logs hold or that their databases know: of a seen message on its bus, else on none. The
+    bench file tells what is meant where databases differ."""
     found = [Signal(name, unit=one.units.get(name)) for one in readings for name in one.columns]
     if any(one.holds == "frames" for one in readings):
         seen = {one for reading in readings for one in identifiers(reading)}
-        means = explained(merged(databases)[0], {can_id for _, can_id in seen})
+        told = on_bus(databases, seen, named_in(bench))
+        means = explained(merged(databases)[0], {can_id for _, can_id in seen}, told)
         there = means.there(seen)
-        for message in means.messages.values():
-            buses: Sequence[str | None] = sorted(bus_name(bus) for bus, can_id in there if can_id == message.can_id)
-            found += [signal for bus in buses or [None] for signal in signals_of(message, bus)]
+        for can_id, message in means.messages.items():
+            buses = sorted((bus for bus, one in there if one == can_id), key=bus_name)
+            found += [signal for bus in buses for signal in signals_of(means.message(bus, can_id), bus_name(bus))]
+            found += signals_of(message) if not buses else []
     return list(dict.fromkeys(found))
+
+
+def named_in(bench: Bench | None) -> set[str]:
+    """The names of all signals that a bench file speaks of."""
+    return {name for one in bench.channels for name in one.needs} if bench else set()
 
 
 def keep_setup(store: Store, known: Facts, setup: Setup) -> None:

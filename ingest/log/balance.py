@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -33,7 +33,7 @@ class Account:
     rejected: Counter[str] = field(default_factory=Counter)  # by reason
     first_rejected: list[Rejected] = field(default_factory=list)
     first_unreadable: Rejected | None = None
-    not_available: Counter[str] = field(default_factory=Counter)  # "message.signal" of J1939 -> how often it says so
+    not_available: Counter[str] = field(default_factory=Counter)  # "message.signal" -> how often it says so
     errors: Counter[str] = field(default_factory=Counter)  # and how often that there is an error
     carried: int = 0  # frames that were decoded, beyond one for each row: packets of longer messages
 
@@ -89,8 +89,11 @@ class Account:
         return {"found": reading.found, **counted}
 
 
-def outcome(reading: LogReading, account: Account, balance: dict[str, int]) -> tuple[str, str | None]:
-    """("decoded" or "salvaged", the line that says why the log was not decoded whole, without the file's name)."""
+def outcome(
+    reading: LogReading, account: Account, balance: dict[str, int], databases: Sequence[str] = ()
+) -> tuple[str, str | None]:
+    """("decoded" or "salvaged", the line that says why the log was not decoded whole, without the file's name).
+    `databases`: the names of those it was read with."""
     if reading.cut:
         return "salvaged", reading.cut
     if first := account.first_unreadable:
@@ -99,12 +102,15 @@ def outcome(reading: LogReading, account: Account, balance: dict[str, int]) -> t
             f"{unreadable:,} of {reading.found:,} records cannot be read and were set aside, the first at "
             f"{first.where}: {first.why}; {TO_DO[reading.holds]}, or leave it so: the rest is used."
         )
-    return "decoded", None if balance["decoded"] or not reading.found else _nothing(balance)
+    return "decoded", None if balance["decoded"] or not reading.found else _nothing(balance, databases)
 
 
-def _nothing(balance: dict[str, int]) -> str:
-    if balance["unknown_id"]:
-        return "no frame is of a message that is known: name the signal database of this log with --dbc"
+def _nothing(balance: dict[str, int], databases: Sequence[str]) -> str:
     if balance["wrong_length"]:
-        return "every frame is shorter than its message: the signal database is not the one of this log"
+        known = " of a message that is known" if balance["unknown_id"] else ""
+        return f"every frame{known} is shorter than its message: the signal database is not the one of this log"
+    if balance["unknown_id"]:
+        more = [f"{len(databases) - 3} more"] if len(databases) > 3 else []
+        known = f"of {', '.join([*databases[:3], *more])}" if databases else "that is known"
+        return f"no frame is of a message {known}: name the signal database of this log with --dbc"
     return "no frame holds data: nothing to decode"

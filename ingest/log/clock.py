@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.facts.events import QualityFlagged
-from ingest.formats import Frames, Rows, TimeSpec
+from ingest.formats import WALL_CLOCK, Frames, Rows, TimeSpec
 from ingest.log.reading import LogReading
 
 Ints = NDArray[np.int64]
@@ -28,7 +28,7 @@ JUMP_NS = 7 * DAY_NS  # shorter ones are gaps: a log that pauses over the weeken
 STRAY = "its stamp is more than 30 days off those before and after it"
 
 
-WALL_CLOCKS = ("blf", "asc", "trc", "lvm")  # formats whose date is that of the recording computer, without a zone
+WALL_CLOCKS = ("blf", "asc", "trc", "lvm")  # formats whose date is always that of the recorder, without a zone
 
 
 def times_of(reading: LogReading, spec: TimeSpec) -> str:
@@ -37,11 +37,11 @@ def times_of(reading: LogReading, spec: TimeSpec) -> str:
         return "counted from the log's own start"
     if spec.start_ns is not None:
         return "counted from the start that the bench file says"
-    if reading.format in WALL_CLOCKS:
+    said = reading.settings.get("time")
+    if reading.format in WALL_CLOCKS or said == WALL_CLOCK:
         zone = spec.zone if spec.column is None else TimeSpec.zone
         advice = "; say `zone` under [time] if it is another" if zone == TimeSpec.zone else ""
-        return f"the recorder's wall clock, taken as {zone}{advice}"
-    said = reading.settings.get("time")
+        return f"{WALL_CLOCK}, taken as {zone}{advice}"
     return said if isinstance(said, str) and " in " in said else "UTC, as the log says"
 
 

@@ -15,6 +15,7 @@ from ingest.bench.signals import Signal
 from ingest.formats import EXTENDED
 from ingest.log.bits import FLOATS, Layout
 from ingest.log.database_files import DBC, read_database
+from ingest.log.value_names import no_numbers_named
 
 ANY_SOURCE = 0xFE  # source address of J1939 in databases: whoever sends it
 
@@ -28,6 +29,8 @@ class MessageSignal:
     unit: str | None = None
     multiplexer: str | None = None
     when: tuple[int, ...] = ()
+    errors: tuple[int, ...] = ()  # its bits where they are no number: by their names an error
+    not_available: tuple[int, ...] = ()  # and none at all
 
 
 @dataclass(frozen=True)
@@ -112,7 +115,8 @@ def _message(entry: Any, name: str, notes: list[str], is_j1939: bool) -> Message
             notes.append(f"{name}: {entry.name}.{signal.name} has {layout.length} bits: left out")
             continue
         when = tuple(signal.multiplexer_ids or ())
-        one = MessageSignal(signal.name, layout, signal.unit or None, signal.multiplexer_signal, when)
+        none = no_numbers_named(signal.choices or {}, layout, signal.unit)
+        one = MessageSignal(signal.name, layout, signal.unit or None, signal.multiplexer_signal, when, *none)
         _add(signals, one, f"{name}: {entry.name}", notes)
     j1939 = entry.is_extended_frame and (is_j1939 or entry.protocol == "j1939" or entry.frame_id & 0xFF == ANY_SOURCE)
     return Message(entry.name, can_id, entry.length, tuple(signals.values()), name, j1939)

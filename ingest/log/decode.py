@@ -22,7 +22,7 @@ from ingest.bench.resolving import ResolvedChannel
 from ingest.facts.durable import sha256_of
 from ingest.facts.events import DecodeCompleted
 from ingest.formats import SERIES, Frames, Rejected, Rows, TimeSpec
-from ingest.log import clock, held, recording, stamps
+from ingest.log import clock, held, meant, recording, stamps
 from ingest.log.ahead import ahead
 from ingest.log.balance import Account, outcome
 from ingest.log.clock import JUMP_NS, times_of
@@ -36,7 +36,7 @@ from ingest.log.samples import GroupWriter, Samples
 from ingest.log.specimens import Specimens
 from ingest.log.transport import Unpacked
 
-DECODER = "whyhot-decoder/13"
+DECODER = "whyhot-decoder/14"
 RECORDING = "recording.mcap"
 WAITING_VALUES = 16_000_000  # of all groups that wait for their row group: 128 MB
 WRITERS = 2  # threads that write or hash the files of the groups, each file by one of them at a time
@@ -85,9 +85,12 @@ def decode_file(
     path = folder / RECORDING
     messages, notes = merged(databases)
     texts = _texts(path, reading) if reading.holds == "rows" else set()
-    means = explained(messages, {can_id for _, can_id in identifiers(reading)})
+    seen = identifiers(reading)
+    names = {signal.qualified for one in channels for signal in one.signals}
+    means = explained(messages, {can_id for _, can_id in seen}, meant.on_bus(databases, seen, names))
     groups = groups_of(reading, means)
     said: dict[str, Any] = {"databases": notes, "missing": plan(groups, channels, bench, texts)}
+    said["databases_differ"] = meant.untold(databases, seen, names)
     said["changes"] = _changes(bench, reading)
     logger = bench.logger_of(name) if bench else None
     times = times_of(reading, bench.time_for(reading.format, name) if bench else TimeSpec())
@@ -109,7 +112,7 @@ def decode_file(
     said |= specimens.unsaid()
     return DecodeCompleted(
         **identity(raw, databases, bench, model),
-        **_outcome(reading, path, work.account, sum(rows.values()), said, specimens.within(faults), written),
+        **_outcome(reading, path, work.account, sum(rows.values()), said, specimens.within(faults), written, databases),
         groups=[group.entry(rows[group.name]) for group in written],
         channels=[output.channel for group in written for output in group.outputs if output.channel],
         products=products,
@@ -149,12 +152,13 @@ def _outcome(
     said: Mapping[str, Any],
     faults: clock.StampFaults,
     written: Sequence[SignalGroup],
+    databases: Sequence[Database],
 ) -> dict[str, Any]:
     """What the event says of the records. Raises IngestError where the balance does not hold."""
     account.refuse(recording.read_rejected(path) if reading.rejected else ())
     account.refuse(Rejected(one, f"record {one + 1:,}", clock.STRAY) for one in faults.strays.tolist())
     balance = account.balance(reading, decoded)
-    result, why = outcome(reading, account, balance)
+    result, why = outcome(reading, account, balance, [database.name for database in databases])
     lengths = dict(sorted(account.wrong_length.items()))
     start_ns, end_ns = faults.span_ns or (reading.start_ns, reading.end_ns)
     notable = {**said, "wrong_length": lengths, "rejected": account.reasons(), "clock": _clock(faults, written)}
@@ -247,11 +251,13 @@ class _Work:
         record: NDArray[np.int64],
         signals: Mapping[str, NDArray[Any]],
     ) -> None:
-        def signal(home: str, name: str) -> NDArray[Any]:
-            return signals[name] if home == group.name else self._others.at((home, name), t_ns)
-
         self.watch.add(group.name, t_ns)
-        values = [output.values([signal(*source) for source in output.sources]) for output in group.outputs]
+        values = [
+            output.values(
+                [self._others.at(one, t_ns) if one in output.held else signals[one[1]] for one in output.sources]
+            )
+            for output in group.outputs
+        ]
         if group.name not in self._writers:
             columns = [output.column for output in group.outputs]
             self._writers[group.name] = GroupWriter(self._folder / group.file, self._raw, columns)

@@ -24,7 +24,7 @@ class FrameBatch:
         self.frames = frames
         self.remote = np.flatnonzero(frames.flags & REMOTE)
         self.lengths = np.diff(frames.offsets)  # of the payloads [bytes]
-        self.not_available: Counter[str] = Counter()  # "message.signal" of J1939 -> how often it says so
+        self.not_available: Counter[str] = Counter()  # "message.signal" -> how often it says so
         self.errors: Counter[str] = Counter()  # and how often that there is an error
         self._data = padded(frames.data)
 
@@ -57,20 +57,26 @@ class FrameBatch:
             there = present.of(name)
             if not there.any():
                 return np.full(len(at), np.nan)
-            found = extract(payloads, by_name[name].layout)
-            if message.is_j1939:
-                there = there & self._is_number(message, name, there, raw(payloads, by_name[name].layout))
+            signal = by_name[name]
+            found = extract(payloads, signal.layout)
+            if message.is_j1939 or signal.errors or signal.not_available:
+                there = there & self._is_number(message, signal, there, raw(payloads, signal.layout))
             return found if there.all() else np.where(there, found, np.nan)
 
         return {name: values(name) for name in by_name if only is None or name in only}
 
-    def _is_number(self, message: Message, name: str, there: NDArray[np.bool_], bits: Words) -> NDArray[np.bool_]:
-        """Whether the bits (M,) of a signal of J1939 are a number; counts those that are none."""
-        layout = next(signal.layout for signal in message.signals if signal.name == name)
-        error, not_available = no_numbers(bits, layout)
+    def _is_number(
+        self, message: Message, signal: MessageSignal, there: NDArray[np.bool_], bits: Words
+    ) -> NDArray[np.bool_]:
+        """Whether the bits (M,) of a signal are a number, by their names and in J1939; counts those that are none."""
+        error = np.isin(bits, np.array(signal.errors, np.uint64))
+        not_available = np.isin(bits, np.array(signal.not_available, np.uint64))
+        if message.is_j1939:
+            also_error, also_none = no_numbers(bits, signal.layout)
+            error, not_available = error | also_error, not_available | also_none
         for counts, said in ((self.errors, error), (self.not_available, not_available)):
             if count := int((said & there).sum()):
-                counts[f"{message.name}.{name}"] += count
+                counts[f"{message.name}.{signal.name}"] += count
         return ~(error | not_available)
 
 

@@ -1,4 +1,4 @@
-"""Signals that derived channels of other groups need: each holds its last value until the next."""
+"""Signals that derived channels need at other times than they come: each holds its last value until the next."""
 
 from __future__ import annotations
 
@@ -38,19 +38,19 @@ class Held:
 
 
 def collect(path: Path, groups: Sequence[SignalGroup], means: Explained) -> Held:
-    """What derived channels need of other groups, from a pass of its own over the recording at `path`.
+    """What derived channels need at other times, from a pass of its own over the recording at `path`.
 
-    It takes 16 bytes of memory for each sample; where no group needs anything there is no pass. Raises DamageError.
+    It takes 16 bytes of memory for each sample; where none needs anything there is no pass. Raises DamageError.
     """
-    foreign = set().union(*(group.foreign for group in groups))
+    foreign = set().union(*(group.held for group in groups))
     sought = {group.stream: group for group in groups if any(group.name == home for home, _ in foreign)}
     series: defaultdict[Source, list[Series]] = defaultdict(list)
     unpacked = Unpacked(means)
     for _, batch in recording.read(path) if foreign else ():
         if isinstance(batch, Rows):
             if group := sought.get(batch.series):
-                for name, values in batch.columns.items():
-                    series[group.name, name].append((batch.t_ns, values))
+                for name in {name for home, name in foreign if home == group.name}:
+                    series[group.name, name].append((batch.t_ns, batch.columns[name]))
             continue
         for part in unpacked.parts(batch):
             frames = FrameBatch(part.frames)

@@ -23,11 +23,17 @@ from ingest.log.parameter_groups import BROKEN, group_of, is_packet
 @dataclass(frozen=True)
 class Explained:
     """What identifiers mean. `decoded_as`: an identifier of a log -> the one in `messages` that it is decoded as, where
-    that is another; `transport`: messages of several packets are put together."""
+    that is another; `transport`: messages of several packets are put together; `on_bus`: (bus, identifier) -> what it
+    means there, where that is another message."""
 
     messages: Mapping[int, Message]
     decoded_as: Mapping[int, int] = field(default_factory=dict)
     transport: bool = False
+    on_bus: Mapping[tuple[int, int], Message] = field(default_factory=dict)
+
+    def message(self, bus: int, can_id: int) -> Message:
+        """What a known identifier means on a bus."""
+        return self.on_bus.get((bus, can_id), self.messages[can_id])
 
     def knows(self, can_id: int) -> bool:
         """Whether frames with an identifier are explained, or put together to messages that may be."""
@@ -48,7 +54,9 @@ class Explained:
         return replace(frames, can_id=np.where(known[at] == frames.can_id, names[at], frames.can_id))
 
 
-def explained(messages: Mapping[int, Message], seen: Collection[int]) -> Explained:
+def explained(
+    messages: Mapping[int, Message], seen: Collection[int], on_bus: Mapping[tuple[int, int], Message] | None = None
+) -> Explained:
     """What the identifiers `seen` in logs mean, by the messages of databases.
 
     A J1939 message is known by its group. Sent by several addresses, it is one message for each, with the address in
@@ -67,7 +75,7 @@ def explained(messages: Mapping[int, Message], seen: Collection[int]) -> Explain
             name = by_group[group].name + (f"_SA{source:02X}" if len(sources) > 1 else "")
             found[ids[0]] = replace(by_group[group], name=name, can_id=ids[0])
             decoded_as |= dict.fromkeys(ids[1:], ids[0])
-    return Explained(found, decoded_as, bool(by_group))
+    return Explained(found, decoded_as, bool(by_group), on_bus or {})
 
 
 def no_numbers(raw: NDArray[np.uint64], layout: Layout) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -82,8 +90,8 @@ def no_numbers(raw: NDArray[np.uint64], layout: Layout) -> tuple[NDArray[np.bool
 
 
 def findings(name: str, settings: Mapping[str, Any]) -> list[QualityFlagged]:
-    """A flag of the file `name` for each thing that the settings of its decode say of J1939: values without a number,
-    and messages of several packets that are not whole."""
+    """A flag of the file `name` for each thing that the settings of its decode say: values without a number, and
+    messages of several packets that are not whole."""
     said = {"not_available": '"not available" in place of a number', "errors": '"error" in place of a number'}
     told = {flag: f"{_most(settings[flag])} {says}: missing" for flag, says in said.items() if flag in settings}
     if broken := settings.get("rejected", {}).get(BROKEN):

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from ingest.bench.bench_file import Bench
 from ingest.bench.resolving import ResolvedChannel
 from ingest.bench.signals import TABLE, Signal
 from ingest.errors import BenchFileError
-from ingest.formats import SERIES
+from ingest.formats import RASTERS, SERIES
 from ingest.log.clock import Stream
 from ingest.log.databases import Message, signals_of
 from ingest.log.j1939 import Explained
@@ -25,17 +26,20 @@ from ingest.texts.guessing import guess
 from ingest.texts.quantities import column_suffix
 from ingest.texts.units import normal_unit
 
+LONGEST_NAME = 100  # of a file
 Source = tuple[str, str]  # group name, name of a signal in it
 
 
 @dataclass(frozen=True)
 class OutputColumn:
-    """A column of a group and how its values come from signals; `channel` is its entry in the event (None for text)."""
+    """A column of a group and how its values come from signals; `channel` is its entry in the event (None for text).
+    `held`: sources that come at other times than the group's rows, or than the first one: each holds its last value."""
 
     column: Column
     sources: tuple[Source, ...]  # the signal itself, or those of an expression in the order of its names
     spec: ResolvedChannel | None = None
     channel: dict[str, Any] | None = None
+    held: frozenset[Source] = frozenset()
 
     def values(self, inputs: Sequence[NDArray[Any]]) -> NDArray[Any]:
         """The column (N,), from the values (N,) of `sources` as they stand in the file."""
@@ -50,7 +54,7 @@ class OutputColumn:
 @dataclass
 class SignalGroup:
     """Signals that share their stamps: a message on a bus, or a table (`message` and `bus` None), or a
-    `series` of one."""
+    `series` of one. `rasters`: column -> which of the tables that a table was joined of."""
 
     name: str
     message: Message | None = None
@@ -58,6 +62,7 @@ class SignalGroup:
     signals: tuple[Signal, ...] = ()
     outputs: list[OutputColumn] = field(default_factory=list)
     series: str | None = None
+    rasters: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def stream(self) -> Stream:
@@ -66,8 +71,11 @@ class SignalGroup:
 
     @property
     def file(self) -> str:
-        """Name of its Parquet file."""
-        return re.sub(r"[^\w.-]", "_", self.name, flags=re.ASCII) + ".parquet"
+        """Name of its Parquet file: that of the group, with some of its SHA-256 where a file cannot be called so."""
+        plain = re.sub(r"[^\w.-]", "_", self.name, flags=re.ASCII)[:LONGEST_NAME]
+        if plain != self.name:
+            plain += f"-{hashlib.sha256(self.name.encode()).hexdigest()[:8]}"
+        return f"{plain}.parquet"
 
     def entry(self, rows: int) -> dict[str, Any]:
         """A group of `rows` rows as `DecodeCompleted` lists it."""
@@ -75,9 +83,17 @@ class SignalGroup:
         return {"name": self.name, "file": self.file, "rows": rows, "columns": columns}
 
     @property
-    def foreign(self) -> set[Source]:
-        """Signals of other groups that its derived channels need."""
-        return {source for output in self.outputs for source in output.sources if source[0] != self.name}
+    def held(self) -> set[Source]:
+        """Signals that derived channels of the group need at other times than they come."""
+        return set().union(*(output.held for output in self.outputs))
+
+    def turn(self, name: str) -> object:
+        """What tells in which of the group's rows a signal is: its page of a multiplexer, or its raster. None where it
+        is in all."""
+        if self.message is None:
+            return self.rasters.get(name)
+        signal = next(one for one in self.message.signals if one.name == name)
+        return (signal.multiplexer, signal.when) if signal.multiplexer else None
 
 
 def groups_of(reading: LogReading, means: Explained) -> list[SignalGroup]:
@@ -85,18 +101,23 @@ def groups_of(reading: LogReading, means: Explained) -> list[SignalGroup]:
     if reading.holds == "rows":
         signals = {name: Signal(name, unit=reading.units.get(name)) for name in reading.columns}
         series = reading.settings.get(SERIES, {"": reading.columns}).items()
+        rasters = {name: place for place, names in enumerate(reading.settings.get(RASTERS, ())) for name in names}
         return [
             SignalGroup(
                 f"{TABLE}_{place}" if name else TABLE,
                 signals=tuple(signals[column] for column in columns),
                 series=name or None,
+                rasters=rasters,
             )
             for place, (name, columns) in enumerate(series, 1)
             if signals.keys() >= set(columns)  # of a table without one row that could be read there is nothing
         ]
     there = means.there(identifiers(reading))
     seen = [
-        (bus, message) for bus in reading.buses for can_id, message in means.messages.items() if (bus, can_id) in there
+        (bus, means.message(bus, can_id))
+        for bus in reading.buses
+        for can_id in means.messages
+        if (bus, can_id) in there
     ]
     return [
         SignalGroup(name, message, bus, tuple(signals_of(message, bus_name(bus))))
@@ -114,7 +135,7 @@ def plan(
     """
     home = {_identity(signal): group for group in groups for signal in group.signals}
     named = {_identity(spec.signals[0]): spec for spec in channels if not spec.derived}
-    called = _channel_names(groups)
+    called, said = _channel_names(groups), {spec.name for spec in channels}
     _refuse_text(bench, channels, texts)
     for group in groups:
         taken = Counter(FIXED)
@@ -126,6 +147,7 @@ def plan(
                 group.outputs.append(_bench_output(group, spec, [(group.name, signal.name)], taken, signal))
             else:
                 name = called[group.name, signal.name]
+                name = signal.alone if name in said else name  # a signal of another log is called so
                 group.outputs.append(_file_output(group, signal, name, bench is None, taken))
     missing = [spec.name for key, spec in named.items() if key not in home and spec.role != "ignored"]
     for spec in (spec for spec in channels if spec.derived):
@@ -135,8 +157,18 @@ def plan(
             continue
         sources = [(group.name, signal.name) for group, signal in zip(homes, spec.signals, strict=True)]
         taken = Counter([*FIXED, *(output.column.name.lower() for output in homes[0].outputs)])
-        homes[0].outputs.append(_bench_output(homes[0], spec, sources, taken, None))
+        output = _bench_output(homes[0], spec, sources, taken, None)
+        homes[0].outputs.append(replace(output, held=_held(homes, sources)))
     return missing
+
+
+def _held(homes: Sequence[SignalGroup], sources: Sequence[Source]) -> frozenset[Source]:
+    """Which sources of a derived channel hold their last value: those of other groups than the first one's, and those
+    that are never in one row with the first that is not in all."""
+    turns = [group.turn(name) if group is homes[0] else None for group, (_, name) in zip(homes, sources, strict=True)]
+    first = next((turn for turn in turns if turn is not None), None)
+    together = zip(homes, sources, turns, strict=True)
+    return frozenset(source for group, source, turn in together if group is not homes[0] or turn not in (None, first))
 
 
 def _names(seen: Sequence[tuple[int, Message]]) -> list[str]:

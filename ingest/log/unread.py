@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ingest.facts.events import QualityFlagged
 
-SHEETS, TEXTS, TIMES = "sheets_unread", "numbers_as_text", "time_either"
+SHEETS, TEXTS, TIMES, DATE = "sheets_unread", "numbers_as_text", "time_either", "date_unread"
+MESSAGES, CHANNELS, LAWS, SCALES = "databases_differ", "channels_unread", "unconverted", "unscaled"
+SHOWN = 5  # channels
 
 
 def findings(name: str, settings: Mapping[str, Any]) -> list[QualityFlagged]:
     """A flag of the file `name` for each: further sheets of a workbook, columns whose cells say more than a number, or
-    one that may be two, and times that may be others."""
+    one that may be two, times that may be others, a date that is none, frames of which databases differ, channels
+    beside frames, and those whose conversion or scaling is not read."""
     told = {}
     if others := settings.get("other_sheets"):
         told[SHEETS] = f"sheet {settings['sheet']} was read, and not {', '.join(others)} ([time] sheet tells another)"
@@ -24,4 +27,21 @@ def findings(name: str, settings: Mapping[str, Any]) -> list[QualityFlagged]:
             f'"{cell}" in {settings["time_column"]} is read as hours and minutes; if it is minutes and seconds, say '
             'format = "%M:%S" under [time] of the bench file'
         )
+    if date := settings.get("date_not_understood"):
+        told[DATE] = f'its date "{date}" is not understood, and not used: say start under [time] of the bench file'
+    if differ := settings.get(MESSAGES):
+        told[MESSAGES] = differ
+    if names := settings.get(CHANNELS):
+        says = f"holds frames and measured channels: these are not read ({_some(names)})"
+        told[CHANNELS] = f"{says}: export them as a file of their own"
+    if laws := settings.get(LAWS):
+        told[LAWS] = f"left out: {_some([f'{name}: {why}' for name, why in laws.items()], '; ')}"
+    if names := settings.get(SCALES):
+        told[SCALES] = f"its scaling cannot be read of {_some(names)}: the values are as stored, and no quantity"
     return [QualityFlagged(flag=flag, says=f"{name}: {says}", detail={"file": name}) for flag, says in told.items()]
+
+
+def _some(names: Sequence[str], between: str = ", ") -> str:
+    """ "a, b and 3 more"."""
+    more = f" and {len(names) - SHOWN:,} more" if len(names) > SHOWN else ""
+    return f"{between.join(names[:SHOWN])}{more}"

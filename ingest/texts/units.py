@@ -14,7 +14,13 @@ from typing import Any
 
 # canonical text -> (what pint calls it, other texts). Degrees are converted here, exactly.
 _UNITS: Mapping[str, tuple[str, str]] = {
-    "degC": ("degC", "°C|deg C|deg_C|C|Grad C|GradC|Grad Celsius|Celsius|degree_Celsius|degrees Celsius|Cel|Â°C"),
+    "degC": (
+        "degC",
+        (
+            "°C|deg C|deg_C|deg. C|degree C|degrees C|C|Grad C|GradC|Grad Celsius|Celsius|degree_Celsius|"
+            "degrees Celsius|Cel|Â°C|\ufffdC|ï¿½C|?C"  # the latter as programs write it that lost the sign
+        ),
+    ),
     "K": ("K", "kelvin|degK|deg K|°K"),
     "degF": ("degF", "°F|deg F|deg_F|Fahrenheit|degree_Fahrenheit"),
     "rpm": ("rpm", "1/min|min-1|min^-1|/min|U/min|Umin|Upm|rev/min|r/min|tr/min|tr/mn|giri/min|umdr/min|rot/min"),

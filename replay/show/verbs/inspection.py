@@ -12,7 +12,7 @@ from ingest.log import unread
 from ingest.texts.times import to_second
 from replay.show.words.words import counted, duration
 
-SHOWN = 40  # signals; the JSON has all
+SHOWN, UNKNOWN, NOTES = 40, 10, 10  # signals, identifiers and notes on databases; the JSON has all
 
 
 def inspection_json(found: Inspection) -> dict[str, Any]:
@@ -25,6 +25,7 @@ def inspection_json(found: Inspection) -> dict[str, Any]:
             for s in found.signals
         ],
         "unknown_ids": found.unknown_ids,
+        "notes": list(found.notes),
     }
 
 
@@ -53,21 +54,33 @@ def _file_json(one: InspectedFile) -> dict[str, Any]:
 def inspection_text(found: Inspection) -> str:
     """Files first, then signals with what they seem to be."""
     lines = [line for one in found.files if one.reading for line in _file_lines(one)]
-    width = max((len(seen.signal.qualified) for seen in found.signals), default=0)
-    lines += [f"  {_signal_line(seen, width)}" for seen in found.signals[:SHOWN]]
-    if len(found.signals) > SHOWN:
-        lines.append(f"  and {len(found.signals) - SHOWN} more signals (--json has all)")
-    for key, count in list(found.unknown_ids.items())[:10]:
+    there = found.there
+    width = max((len(seen.signal.qualified) for seen in there), default=0)
+    lines += [f"  {_signal_line(seen, width)}" for seen in there[:SHOWN]]
+    if len(there) > SHOWN:
+        lines.append(f"  and {len(there) - SHOWN} more signals (--json has all)")
+    if absent := len(found.signals) - len(there):
+        lines.append(f"  {counted(absent, 'signal')} of the databases in no frame of these logs")
+    unknown = list(found.unknown_ids.items())
+    for key, count in unknown[:UNKNOWN]:
         lines.append(f"  {key}: {count:,} frame{'s' * (count != 1)} that no database explains")
+    if others := unknown[UNKNOWN:]:
+        frames = sum(count for _, count in others)
+        lines.append(f"  and {frames:,} frames of {len(others):,} more identifiers (--json has all)")
+    lines += [f"  {note}" for note in found.notes[:NOTES]]
+    if len(found.notes) > NOTES:
+        lines.append(f"  and {len(found.notes) - NOTES} more notes on the databases (--json has all)")
     return "\n".join(lines)
 
 
 def nothing_to_draft(found: Inspection, databases: Sequence[Path], draft: Path) -> str | None:
     """Why `draft` was not written; None where there are signals to write down."""
-    if found.signals:
+    if found.there:
         return None
     if _frames(found) and not databases:
         return f"{draft}: no draft was written: frames show no signals without their database. Add --dbc FILE.dbc."
+    if found.signals:
+        return f"{draft}: no draft was written: no message of the databases is in these logs. Name theirs with --dbc."
     return f"{draft}: no draft was written: no signal was found in these logs. Give logs that hold some."
 
 
@@ -77,7 +90,7 @@ def next_step(
     """What to do after `whyhot inspect` of `logs`, those that can be read, with these --dbc, --bench, --bench-draft."""
     explained = bool(databases) or not _frames(found)
     dbc = [word for path in databases for word in ("--dbc", str(path))] if explained else ["--dbc", "FILE.dbc"]
-    if draft and found.signals and explained:
+    if draft and found.there and explained:
         return f"complete {draft}, then whyhot ingest {shlex.join([*logs, '--bench', str(draft), *dbc])}"
     if bench and not draft:
         return f"whyhot ingest {shlex.join([*logs, '--bench', str(bench), *dbc])}"
@@ -120,8 +133,6 @@ def _file_lines(one: InspectedFile) -> list[str]:
     lines += [f"  {flag.says.removeprefix(f'{one.path.name}: ')}" for flag in left]
     if "left_out" in reading.settings:
         lines.append(f"  left out, no numbers or texts with times: {', '.join(reading.settings['left_out'])}")
-    for name, why in reading.settings.get("unconverted", {}).items():
-        lines.append(f"  left out: {name}: {why}")
     for what, says in (("texts", "a text in place of a number"), ("invalid", "marked invalid")):
         if counts := reading.settings.get(what):
             lines.append(f"  missing, {says}: {', '.join(f'{name} ({n:,})' for name, n in counts.items())}")

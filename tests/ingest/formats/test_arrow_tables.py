@@ -349,3 +349,11 @@ def test_it_goes_through_the_child_process(tmp_path: Path, name: str) -> None:
         reader.close()
     assert (reading.format, reading.holds) == (name.split(".")[1], "rows")
     assert (reading.found, reading.written, reading.rejected) == (4, 3, 1)
+
+
+@each_writer
+def test_numbers_that_are_stored_as_texts_are_named(write: Callable[[pa.Table, Path], None], tmp_path: Path) -> None:
+    columns = {"t_s": [0.0, 0.5, 1.0], "T": ["20", "20.5", ""], "p": ["1,2", "1,3", "1,4"], "serial": ["7", "8", "9"]}
+    write(pa.table(columns | {"says": ["1.5", "on", "off"]}), tmp_path / "log")
+    log, *_ = read(tmp_path / "log")
+    assert log.settings["numbers_with_units"] == {"T": "20.5", "p": "1,2"}

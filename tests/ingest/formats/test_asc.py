@@ -140,6 +140,14 @@ def test_a_date_that_is_not_understood_is_said_and_time_counts_from_zero(tmp_pat
     assert log.settings["date_not_understood"] == "27/05/2014"
 
 
+def test_a_later_block_whose_date_is_far_behind_its_stamps_counts_from_that_date(tmp_path: Path) -> None:
+    """Its first stamp is no earlier than the last one before it: both blocks are short."""
+    block = "Begin Triggerblock Wed Mar 4 {:02}:00:00.000 am 2020\n0.25 1 64 Rx d 0\nEnd TriggerBlock\n"
+    head = "date Wed Mar 4 08:00:00 am 2020\nbase hex timestamps absolute\n"
+    _, frames = read(asc(tmp_path, head + block.format(8) + block.format(9)))
+    assert [one[0] / S_NS for one in frames] == [1_583_308_800.25, 1_583_312_400.25]
+
+
 def test_relative_stamps_count_from_the_line_before(tmp_path: Path) -> None:
     head = HEAD.replace("absolute", "relative")
     text = "0.5 1 64 Rx d 0\n0.25 1 Statistic: D 0 R 0\n0.25 1 65 Rx d 0\n0.001 1 66  Rx  r\n"

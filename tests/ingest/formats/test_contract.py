@@ -198,6 +198,12 @@ HEADS = {  # of files that programs beside loggers write -> what a person does t
     b"<?xml version='1.0'?>\n<svg": "whyhot attach",
     b"        Kvaser Memorator Log\r\n        ====================\r\n": "MF4",
     b"Line,Abs Time(Sec),Rel Time (Sec),Status,Er,Tx,Description,Network,Node,Arb ID,Remote\r\n1,0.0,0,4,F,F": "ASC",
+    b"   Chn Identifier Flg   DLC  D0...1...2...3...4...5...6..D7       Time     Dir\n": "MF4",
+    b"ASCII Trace IXXAT Automation CAN-Bus\nDate: 5.3.2025\n": "as ASC there",
+    b"Timestamp: 1741168800.000000    ID:      123    S Rx                DL:  8    00 01": "can_logger -f log.blf",
+    b"1741168800.000000 1R11 123 01 02 03\n": "GVRET CSV",
+    b"\x1b[31m (1741168800.000001)  can0  123   [2]  01 02\x1b[0m\n": "candump -l",
+    b"Bus,Time,Type,ID,DLC,Data\n1,0.1,DT,0x123,2,01 02\n": "ASC, BLF, TRC or MF4",
     b"  can0  123   [8]  01 02 03 04 05 06 07 08\n": "candump -l",
     b"x.csv".ljust(257, b"\0") + b"ustar": "tar xf",
     b"7z\xbc\xaf\x27\x1c": "7z x",
@@ -216,6 +222,13 @@ def test_a_file_that_is_known_and_no_log_is_refused_with_the_command_that_export
     with pytest.raises(UnreadableLogError, match=r"log\.csv: is .+\. (Export|Save|Unpack|Record|Keep) .+") as refused:
         recognise(path)
     assert todo in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_a_file_of_zeros_has_lost_what_it_held(tmp_path: Path) -> None:
+    path = tmp_path / "log.blf"
+    path.write_bytes(bytes(100_000))
+    with pytest.raises(UnreadableLogError, match="begins with 4,096 bytes of 0: what stood there is lost"):
+        recognise(path)
 
 
 def test_each_kind_of_file_that_is_no_log_is_tried() -> None:

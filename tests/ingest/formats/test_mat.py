@@ -95,6 +95,13 @@ def test_times_may_be_dates(times: Any, says: str, begins_ns: int, tmp_path: Pat
     assert abs(t_ns[0] - begins_ns) < 20_000  # a datenum holds 10 us
 
 
+def test_times_from_an_unknown_start_are_none_beside_dates(tmp_path: Path) -> None:
+    dated, other = {"time": DATENUM + T / 86_400, "x": WARM}, {"time": T, "y": WARM}
+    log, t_ns, found = read(saved(tmp_path, {"dated": dated, "other": other}))
+    assert log.absolute and same(found["x"], WARM) and len(t_ns) == 4
+    assert [one.why.split(":")[0] for one in log.rejected] == ["no date, as other rows of the file have one"] * 4
+
+
 def test_what_has_no_times_is_left_out_by_name(tmp_path: Path) -> None:
     variables = {"t": T, "T_w": WARM, "lost": np.arange(3.0), "z": np.ones((2, 2, 2)), "note": "warm", "size": 3.0}
     log, _, found = read(saved(tmp_path, variables))

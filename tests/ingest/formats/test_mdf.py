@@ -14,6 +14,7 @@ from ingest.errors import UnreadableLogError
 from ingest.formats import Log, _mdf_log, _mdf_records, open_log, recognise
 from ingest.formats._mdf_records import FileBytes
 from ingest.intake.inspection import inspect
+from ingest.log.unread import findings
 from made.mdf import (
     FLOAT,
     FLOAT_BIG,
@@ -403,6 +404,10 @@ def test_a_file_with_frames_and_channels_is_one_of_frames(tmp_path: Path) -> Non
     log = open_log(path)
     assert len(list(log.batches())) == 1
     assert log.settings["other_records"] == {"measured": 1}
+    (says,) = (flag.says for flag in findings("log", log.settings))
+    assert says.startswith(
+        f"log: holds frames and measured channels: these are not read ({log.settings['channels_unread'][0]}"
+    )
 
 
 def test_the_sample_holds_a_group_at_ten_hertz_and_one_a_second() -> None:

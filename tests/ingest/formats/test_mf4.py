@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import EXTENDED, FD, TRANSMIT, TimeSpec, recognise
+from ingest.formats import EXTENDED, FD, TRANSMIT, WALL_CLOCK, TimeSpec, recognise
 from made.frames import Frame, as_frames, messages, read
 from made.mf4 import ELSEWHERE, FIXED, IN_RECORD, PARTS, SIZE, TIME, VIRTUAL, Mf4, in_small_parts, record
 from made.places import LOGS
@@ -64,7 +64,8 @@ def test_frames_equal_those_that_python_can_and_asammdf_wrote() -> None:
     log, frames = read(LOGS / "sample.mf4")
     assert [(round(t_ns / 1e3) * 1000, *rest) for t_ns, *rest in frames] == as_frames(some)
     assert [(one.record, one.where, one.why) for one in log.rejected] == [(5, "CAN_ErrorFrame 1", "error frame")]
-    assert log.settings == {"version": "4.10", "finalised": True, "other_records": {}}
+    settings = {"version": "4.10", "finalised": True, "other_records": {}}
+    assert log.settings == settings | {"time": WALL_CLOCK}  # as it says
     assert log.absolute and log.cut is None
 
 

@@ -17,6 +17,7 @@ from nptdms.timestamp import TdmsTimestamp
 from ingest.errors import UnreadableLogError
 from ingest.formats import Rows, TimeSpec, open_log
 from ingest.log.decode import decode_file
+from ingest.log.unread import findings
 from made.places import LOGS
 from made.readings import record
 from made.tables import read
@@ -83,7 +84,8 @@ def test_the_sample_is_what_the_writer_writes_and_reads_whole(tmp_path: Path) ->
     assert [(one.record, one.where, one.why) for one in log.rejected] == [
         (5, 'group "Oven", record 3', 'no time in channel "Time" of group "Oven"')
     ]
-    assert log.settings == {"time": ["2 rows a second", 'channel "Time" of group "Oven"']}
+    times = ["2 rows a second", 'channel "Time" of group "Oven"']
+    assert log.settings == {"time": times, "rasters": [["T1", "Note"], ["U"]]}
 
 
 # ---- time bases ----------------------------------------------------------------------------------------------------
@@ -180,6 +182,41 @@ def test_values_without_any_time_beside_others_that_have_one_are_rejected(tmp_pa
     assert one.why.startswith("no time: the channel has no wf_increment")
 
 
+def test_a_recorder_that_goes_on_later_in_a_file_says_so(tmp_path: Path) -> None:
+    later = START + np.timedelta64(3600, "s")
+    parts = [[wave("A", "a", [1.0, 2.0], 0.5, at), wave("A", "b", [3.0, 4.0], 0.5, at)] for at in (START, later)]
+    log, t_ns, columns = read(write(tmp_path / "log", [GroupObject("A")], *parts, [plain("A", "a", [5.0])]))
+    assert [t - START_NS for t in t_ns] == [0, 5 * S_NS // 10, 3600 * S_NS, 3600 * S_NS + S_NS // 2, 3601 * S_NS]
+    assert list(columns["a"]) == [1, 2, 1, 2, 5] and log.settings["time"] == ["2 rows a second"]
+    _, t_ns, _ = read(tmp_path / "log", TimeSpec(start_ns=S_NS * 10**9))
+    assert t_ns[2] - t_ns[0] == 3600 * S_NS and t_ns[0] == S_NS * 10**9
+
+
+def test_segments_that_say_when_each_begins_follow_the_first(tmp_path: Path) -> None:
+    """Their clock is off by milliseconds: samples come at the rate."""
+    parts = [[wave("A", "a", np.arange(4.0), 0.5, START + np.timedelta64(2000 * k + k % 3, "ms"))] for k in range(400)]
+    _, t_ns, _ = read(write(tmp_path / "log", *parts))
+    assert list(np.diff(t_ns)) == [S_NS // 2] * 1599 and t_ns[0] == START_NS
+
+
+def test_a_recorder_that_paused_among_many_segments_is_refused(tmp_path: Path) -> None:
+    parts = [[wave("A", "a", [0.0], 0.5, START + np.timedelta64(60 * k, "s"))] for k in range(301)]
+    with pytest.raises(UnreadableLogError, match="its 301 segments say several times at which"):
+        read(write(tmp_path / "log", *parts))
+
+
+@pytest.mark.parametrize("other", ["waveform", "seconds"])
+def test_rows_that_count_from_an_unknown_start_are_rejected_beside_dated_ones(tmp_path: Path, other: str) -> None:
+    ticks = [wave("B", "b", [7.0, 8.0], 0.5, None)]
+    seconds = [plain("B", "Time (s)", [0.0, 0.5]), plain("B", "b", [7.0, 8.0])]
+    path = write(tmp_path / "log", [wave("A", "a", [1.0, 2.0]), *(ticks if other == "waveform" else seconds)])
+    log, t_ns, columns = read(path)
+    assert (log.absolute, list(t_ns), list(columns["a"])) == (True, [START_NS, START_NS + S_NS], [1, 2])
+    assert [one.why.split(":")[0] for one in log.rejected] == ["no date, as other rows of the file have one"] * 2
+    log, _, columns = read(path, TimeSpec(start_ns=START_NS))
+    assert (log.absolute, len(log.rejected), np.nansum(columns["b"])) == (True, 0, 15)
+
+
 def test_a_channel_without_times_that_is_as_long_as_the_waveforms_of_its_group_has_theirs(tmp_path: Path) -> None:
     start = np.datetime64("2024-03-01T08:00:00")
     timed = wave("bench", "T", [20.0, 21.0], 0.5, start)
@@ -237,6 +274,8 @@ def test_a_scaling_that_cannot_be_used_leaves_raw_values_and_says_so(tmp_path: P
     broken: dict[str, Any] = {"NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Linear"}
     log, _, columns = read(write(tmp_path / "log.tdms", [wave("A", "x", [2.0, 4.0], **broken)]))
     assert (columns, log.settings["unscaled"]) == ({"x": [2.0, 4.0]}, ["x"])
+    (says,) = (flag.says for flag in findings("log", log.settings))
+    assert says == "log: its scaling cannot be read of x: the values are as stored, and no quantity"
 
 
 def test_numbers_of_any_type_truths_texts_and_stamps_become_columns_and_complex_ones_are_left_out(

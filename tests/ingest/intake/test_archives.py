@@ -166,3 +166,11 @@ def test_a_full_disk_is_no_damage_of_the_archive(tmp_path: Path, monkeypatch: py
     monkeypatch.setattr("ingest.intake.archives._copy", full)
     with pytest.raises(IngestError, match=r"^night\.zip: there is no room to unpack it in "):
         unpacked(path, tmp_path / "work")
+
+
+def test_what_takes_much_memory_to_unpack_is_no_damage(tmp_path: Path) -> None:
+    far = zstandard.ZstdCompressionParameters.from_level(3, window_log=30)
+    packing = zstandard.ZstdCompressor(compression_params=far).compressobj()  # does not say its size
+    path = packed(tmp_path / "a.blf.zst", lambda data: packing.compress(data) + packing.flush(), BLF)
+    files, lines = unpacked(path, tmp_path / "out")
+    assert (files, len(lines)) == ([], 1) and lines[0].endswith("Unpack it first (unzstd --long=31).")

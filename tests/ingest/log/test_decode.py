@@ -17,7 +17,7 @@ from ingest.bench.bench_file import Bench, read_bench
 from ingest.bench.resolving import resolve
 from ingest.errors import BenchFileError, IngestError
 from ingest.facts.events import DecodeCompleted
-from ingest.formats import EXTENDED, REMOTE, Frames, Log, Rejected, Rows, TimeSpec
+from ingest.formats import EXTENDED, RASTERS, REMOTE, Frames, Log, Rejected, Rows, TimeSpec
 from ingest.log import recording, samples
 from ingest.log.databases import Database, load
 from ingest.log.decode import RECORDING, decode_file, decode_id
@@ -363,6 +363,57 @@ def test_signals_of_other_groups_hold_their_last_value(tmp_path: Path) -> None:
     np.testing.assert_array_equal(rows["shaft_power_W"].to_numpy(), [np.nan, 400, 600, 800])
 
 
+APART = """
+[[derived]]
+name = "difference"
+quantity = "temperature"
+unit = "K"
+expression = "T_1 - T_0"
+node = "gap"
+[[derived]]
+name = "paged"
+quantity = "temperature"
+unit = "K"
+expression = "Page + T_1"
+node = "gap"
+"""
+
+
+def test_signals_of_other_pages_of_a_multiplexer_hold_their_last_value(tmp_path: Path) -> None:
+    """A derived channel stands at the page of its first signal that has one; what each frame holds is as it is."""
+
+    def page(number: int, kelvin: float) -> bytes:
+        return bytes([number]) + round(10 * kelvin).to_bytes(2, "little") + bytes(1)
+
+    sent = [page(0, 300), page(1, 310), page(1, 320), page(0, 301), page(1, 330)]
+    given = frames([(0.1 * i, 1, 0x124, 0, payload) for i, payload in enumerate(sent)])
+    event = decoded(tmp_path, record(tmp_path, given), [dbc()], APART)
+    rows = table(tmp_path, event, "Temperatures")
+    nan, zero = np.nan, -273.15
+    np.testing.assert_allclose(rows["difference_degC"].to_numpy(), [nan, 10 + zero, 20 + zero, nan, 29 + zero])
+    np.testing.assert_allclose(rows["paged_degC"].to_numpy(), [nan, 311 + zero, 321 + zero, nan, 331 + zero])
+
+
+def test_columns_of_other_rasters_of_a_table_hold_their_last_value(tmp_path: Path) -> None:
+    nan = np.nan
+    slow, fast = np.array([1.0, nan, nan, 2.0, nan]), np.array([nan, 10.0, nan, nan, 30.0])
+    also = np.array([nan, 100.0, nan, nan, 300.0])  # of the fast raster
+    rows = Rows(START_NS + np.arange(5), {"slow": slow, "fast": fast, "also": also}, np.arange(5))
+    bench = APART.replace("T_1 - T_0", "fast - slow").replace("Page + T_1", "fast + also")
+    reading = record(tmp_path, rows, settings={RASTERS: [["slow"], ["fast", "also"]]})
+    found = table(tmp_path, decoded(tmp_path, reading, [], bench), "rows")
+    np.testing.assert_allclose(found["difference_degC"].to_numpy() + 273.15, [nan, 9, nan, nan, 28])
+    np.testing.assert_allclose(found["paged_degC"].to_numpy() + 273.15, [nan, 110, nan, nan, 330])
+
+
+def test_a_column_that_the_bench_file_does_not_mean_is_not_called_as_a_signal_that_it_means(tmp_path: Path) -> None:
+    bench = read_bench(CHANNELS.encode(), "b.toml")
+    known = channels(record(tmp_path / "bus", frames(drive(100))), [dbc()], bench)
+    rows = Rows(START_NS + np.arange(2), {"T_0": np.array([1.0, 2.0]), "T_9": np.array([1.0, 2.0])}, np.arange(2))
+    event = decode_file(record(tmp_path / "table", rows), RAW, [dbc()], bench, known, tmp_path / "table")
+    assert [(one["name"], one["role"]) for one in event.channels] == [("rows.T_0", "ignored"), ("T_9", "ignored")]
+
+
 def test_a_channel_without_a_frame_in_this_log_is_said_and_stops_nothing(tmp_path: Path) -> None:
     both = frames([(0, 1, 0x123, 0, bytes(8)), (1, 1, 0x124, 0, bytes(4)), (2, 1, TORQUE, 0, bytes(4))])
     known = channels(
@@ -539,6 +590,12 @@ def test_a_log_that_is_cut_is_salvaged(tmp_path: Path) -> None:
             "wrong_length",
             "every frame is shorter than its message: the signal database is not the one of this log",
         ),
+        (
+            (0, 1, 0x321, 0, bytes(8)),
+            [dbc(), dbc(DBC, "other.dbc")],
+            "unknown_id",
+            "no frame is of a message of motor.dbc, other.dbc: name the signal database of this log with --dbc",
+        ),
         ((0, 1, 0x123, REMOTE, b""), [dbc()], "rejected", "no frame holds data: nothing to decode"),
     ],
 )
@@ -582,6 +639,19 @@ def test_a_decode_is_known_by_all_that_makes_it() -> None:
     }
     assert len(ids) == 5
     assert decode_id("raw", ["a", "b"], "bench") in ids
+
+
+def test_messages_have_a_file_each_however_they_are_called(tmp_path: Path) -> None:
+    names = ("T öl", "T ül", "T__l", "L" * 300)
+    messages = "".join(
+        f'<Message id="0x{number:X}" length="1" name="{name}"><Signal name="s" offset="0" length="8"/></Message>'
+        for number, name in enumerate(names)
+    )
+    head = '<NetworkDefinition xmlns="http://kayak.2codeornot2code.org/1.0"><Document/><Bus name="B">'
+    database = load(f"{head}{messages}</Bus></NetworkDefinition>".encode(), "bus.kcd")
+    given = frames([(0.1 * number, 1, number, 0, bytes([number])) for number in range(len(names))])
+    event = decoded(tmp_path, record(tmp_path, given), [database])
+    assert [table(tmp_path, event, name)["s"].to_pylist() for name in names] == [[0], [1], [2], [3]]
 
 
 def test_where_databases_differ_the_first_given_is_used_and_said(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from made import mf4
 from made.places import LOGS
 from replay.cli import main
 
@@ -55,3 +56,14 @@ def test_a_table_has_the_time_that_its_column_says(tmp_path: Path, capsys: Captu
     log = tmp_path / "log.csv"
     log.write_text(f"{head},T\n" + "".join(f"{one},20.5\n" for one in rows), encoding="utf-8")
     assert said(tmp_path, capsys, log) == says
+
+
+@pytest.mark.parametrize("name", ["sample.atfx", "sample.busmaster", "shown.log", "local.mf4"])
+def test_other_dates_without_a_zone_are_those_of_a_wall_clock_too(tmp_path: Path, capsys: Capture, name: str) -> None:
+    (tmp_path / "shown.log").write_text(" (2025-03-05 10:00:00.000000)  can0  100   [1]  01\n", encoding="utf-8")
+    file = mf4.Mf4()
+    group = file.group((*mf4.PARTS, mf4.IN_RECORD), 1)
+    local = file.data_group(group, file.block(b"DT", (), mf4.record(0, 0x100, b"\1")))
+    file.save(tmp_path / "local.mf4", local, start_ns=1_760_000_000 * 10**9, local=True)
+    log = LOGS / name if name.startswith("sample") else tmp_path / name
+    assert said(tmp_path, capsys, log).startswith("the recorder's wall clock, taken as UTC; say `zone`")

@@ -46,3 +46,17 @@ def test_times_that_may_be_minutes_and_seconds_are_said_and_kept(
     for words in (["inspect", "run.csv"], ["ingest", "run.csv", "--store", "s"], ["show", "run", "--store", "s"]):
         assert main(words) == 0
         assert says in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize("place", ["", "Begin Triggerblock "])
+def test_a_date_that_is_not_understood_is_said_and_kept(
+    place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    head = "base hex  timestamps absolute\n"
+    head = f"{head}{place}mer. 05.03.2025 10:00\n" if place else f"date mer. 05.03.2025 10:00\n{head}"
+    Path("run.asc").write_text(f"{head}   0.250000 1  100  Rx   d 1 01\nEnd TriggerBlock\n", encoding="utf-8")
+    says = 'its date "mer. 05.03.2025 10:00" is not understood, and not used: say start under [time] of the bench file'
+    for words in (["inspect", "run.asc"], ["ingest", "run.asc", "--store", "s"], ["show", "run", "--store", "s"]):
+        main(words)
+        assert says in " ".join(capsys.readouterr().out.split())

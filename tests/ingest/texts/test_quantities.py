@@ -127,6 +127,9 @@ def test_every_spelling_leads_to_a_unit_that_is_its_own_spelling() -> None:
     [
         ("°C", "degC"),
         ("ºC", "degC"),
+        ("\ufffdC", "degC"),
+        ("?C", "degC"),
+        ("deg. C", "degC"),
         ("KW", "kW"),
         ("mW", "mW"),
         ("MW", "MW"),

@@ -119,3 +119,36 @@ def test_a_folder_is_read_and_what_is_no_log_in_it_is_named(verb: str, logs: Pat
     assert (answer["skipped"], answer["refused"]) == ([printed.err.strip()], [])
     if verb == "inspect":
         assert printed.out.splitlines()[-1] == "next: whyhot inspect monday --bench-draft bench.toml"
+
+
+def test_identifiers_and_notes_beyond_those_that_are_shown_are_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    frames = (f"(1760000000.{k:06d}) can1 {0x100 + k % 25:03X}#00\n" for k in range(60))
+    Path("run.log").write_text("".join(frames), encoding="utf-8")
+    wide = "".join(f'BO_ {k} M{k}: 16 E\n SG_ s : 0|128@1+ (1,0) [0|0] "" E\n' for k in range(1, 13))
+    Path("wide.dbc").write_text(f'VERSION ""\nNS_ :\nBS_:\nBU_: E\n{wide}', encoding="utf-8")
+    assert main(["inspect", "run.log", "--dbc", "wide.dbc"]) == 0
+    said = capsys.readouterr().out
+    assert "  and 30 frames of 15 more identifiers (--json has all)\n  wide.dbc: M1.s has 128 bits: left out\n" in said
+    assert "  and 2 more notes on the databases (--json has all)\n" in said
+
+
+def test_signals_of_messages_that_no_log_has_are_counted_and_not_drafted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("run.log").write_text("(1760000000.000000) can1 100#0000\n", encoding="utf-8")
+    message = 'BO_ {0} M{0}: 2 E\n SG_ T{0} : 0|16@1- (1,0) [0|0] "degC" E\n'
+    vehicle = "".join(message.format(number) for number in range(1, 100))
+    Path("car.dbc").write_text(f"{vehicle}{message.format(256)}", encoding="utf-8")
+    Path("other.dbc").write_text(vehicle, encoding="utf-8")
+    assert main(["inspect", "run.log", "--dbc", "car.dbc", "--bench-draft", "draft.toml"]) == 0
+    said = capsys.readouterr().out
+    assert "  can1:M256.T256  degC     temperature\n  99 signals of the databases in no frame of these logs\n" in said
+    assert [one.signal for one in read_bench(Path("draft.toml").read_bytes(), "draft.toml").channels] == ["T256"]
+    main(["inspect", "run.log", "--dbc", "other.dbc", "--bench-draft", "none.toml"])
+    captured = capsys.readouterr()
+    assert "no message of the databases is in these logs. Name theirs with --dbc." in captured.out + captured.err
+    assert not Path("none.toml").exists()
