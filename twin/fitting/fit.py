@@ -92,11 +92,14 @@ class Fit:
 
 def fit_from_file(model: Model) -> Fit:
     """The mode that a search from the file's own numbers ends in, or, where it does not end soon, one from there by way
-    of wide noise, if that is better; to what is enough to compare evidences. Raises as `fit`."""
+    of wide noise, if that is better; to what is enough to compare evidences. Raises as `fit` does from there."""
     straight = fit(model, np.zeros(len(model.parameters)), NEAR_ENOUGH, SOON)
     if straight.converged:
         return straight
-    around = fit(model, _under_wide_noise(model).beta, NEAR_ENOUGH)
+    try:
+        around = fit(model, _under_wide_noise(model).beta, NEAR_ENOUGH)
+    except DivergedError:
+        around = straight
     if around.converged and around.cost < straight.cost:
         return around
     return max(around, fit(model, straight.beta, NEAR_ENOUGH), key=lambda found: found.log_evidence)
