@@ -33,7 +33,7 @@ from twin.fitting.noise import Series, log_det
 Floats = NDArray[np.float64]
 
 NEAR_ENOUGH = 0.5  # of ln posterior, where evidences are compared
-SOON = 12  # linearisations, in which a motor near its file is fitted from there
+SOON = 16  # linearisations, in which a motor near its file is fitted from there
 WIDE, NEAR_THE_FILE = 10.0, 5.0  # times the noise, and what is enough there
 ON_THE_WAY = 4  # linearisations of a fit that another follows under other noise or priors
 ENOUGH = 0.05  # what is left to gain in ln posterior, by the quadratic model, when the search ends
