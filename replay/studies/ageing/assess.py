@@ -55,6 +55,7 @@ Tell = Callable[[str], None]
 
 CRITERION = "conductivity -50 %"
 NOTES = 20  # of single specimens
+UNLIKE = 1.25  # from which on hours of specimens are not worth the same: 5 K at 215 degC
 NOT_WEIGHED = f"its course was not weighed: of a fleet {MOST} that stand out most are, and {SAMPLE:,} drawn by chance"
 AT_ONCE = 1000  # specimens whose states are in memory together
 BATCH = [field.name for field in fields(Batch)]
@@ -181,7 +182,7 @@ def _assessed(
         if repeats.source == "assumed"
         else f"{100 * repeats.sd:.1f} %, from {repeats.source}",
         law=fleet_law,
-        life=lives_of(known, sd, CRITERION),
+        life=lives_of({name: known[name] for name in names}, sd, CRITERION),
         specimens=[specimens[name] for name in held],
         whole=FleetCounts(
             specimens=len(names),
@@ -200,9 +201,11 @@ def _assessed(
         false_discovery_rate=found.fleet.false_discovery_rate,
         notes=[
             *_unnamed(facts),
+            *_differ_in_case(names),
             *_unusable([point for history in known.values() for point in history.points]),
             *_first(f"{name}: {line}" for name in names for line in known[name].notes),
             *(_not_heat_alone(beside_heat(stress)) if fleet_law else ()),
+            *_unequal_heat({name: known[name].worth for name in names}),
         ],
     )
 
@@ -280,6 +283,39 @@ def _unnamed(facts: Facts) -> list[str]:
     return [
         f"{what} left out: name the specimen (--specimen S, or specimen_column of the bench file) and ingest again."
     ]
+
+
+def _differ_in_case(names: Sequence[str]) -> list[str]:
+    """The specimens whose names are one but for capitals and blanks, as somebody types them in a hurry."""
+    alike: dict[str, list[str]] = {}
+    for name in names:
+        alike.setdefault("".join(name.split()).casefold(), []).append(name)
+    return list(
+        _first(
+            f"{' and '.join(some)} are counted as {len(some)} specimens: if they are one, whyhot correct SESSION "
+            f'--specimen {some[0]} --reason "..." says so of a log, of rows of a table its export.'
+            for some in alike.values()
+            if len(some) > 1
+        )
+    )
+
+
+def _unequal_heat(worth: Mapping[str, Floats | None]) -> list[str]:
+    """That an hour of the dose is not worth the same for all specimens, which slopes in hours know nothing of."""
+    from analytics.insulation.dose.arrhenius import RULES, THRESHOLD_DEGC
+
+    known = {name: float(all_h[1] / all_h[0]) for name, all_h in worth.items() if all_h is not None and all_h[0] >= 1.0}
+    if not known:
+        return []
+    least, most = min(known, key=known.__getitem__), max(known, key=known.__getitem__)
+    if known[most] < UNLIKE * known[least]:
+        return []
+    said = (
+        f"specimens were not equally hot: by {RULES[0].name} an hour above {THRESHOLD_DEGC:g} °C was worth "
+        f"{known[least]:.1f} h at {THRESHOLD_DEGC:g} °C for {least} and {known[most]:.1f} h for {most}. R per 100 h, "
+        "the law and what stands out count these hours alike: compare specimens of one temperature."
+    )
+    return [said]
 
 
 def _unusable(points: Sequence[Point]) -> list[str]:

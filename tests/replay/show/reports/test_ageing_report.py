@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -50,6 +51,21 @@ def test_the_forest_lists_every_specimen_under_its_batch_the_worst_batch_first()
     assert [row[1] for row in plot.table.rows] == ["B1"] * 4 + ["B2"] * 4
     assert "+5.1 sd" in plot.svg
     assert forest(assessment(course("alone", 9.0))) is None
+
+
+@pytest.mark.parametrize(
+    ("many", "title"),
+    [
+        (0, "No specimen deteriorates faster than the others beyond chance"),
+        (1, "S00 deteriorates faster than the others"),
+        (2, "S00 and S01 deteriorate faster than the others"),
+        (6, "6 specimens deteriorate faster than the others"),
+    ],
+)
+def test_the_forest_says_who_deteriorates_faster(many: int, title: str) -> None:
+    found = assessment(*(replace(course(f"S{i:02}", 9.0), outlying=i < many) for i in range(8)))
+    plot = forest(found)
+    assert plot is not None and plot.title == title
 
 
 def test_a_life_that_is_not_over_is_an_arrow_and_no_life_is_no_picture() -> None:

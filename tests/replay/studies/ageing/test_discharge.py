@@ -172,8 +172,8 @@ def test_a_voltage_that_cannot_discharge_in_air_asks_for_no_inception_voltage(
 
 
 def test_of_a_table_of_checks_each_test_has_the_inception_voltage_that_was_measured_before_it() -> None:
-    table, first, second = session("ie", "insulation_check", 0, 50), session("oven_1", "ageing", 10), session("oven_2", "ageing", 40)  # fmt: skip
-    after = session("dc", "dc_check", 60)
+    table, after = session("ie", "insulation_check", 0, 50), session("dc", "dc_check", 60)
+    first, second = session("oven_1", "ageing", 10), session("oven_2", "ageing", 40)
     values = [1210.0, 1190.0, 900.0, 910.0, 905.0]
     t_ns = np.array([0, 0.1, 30, 30.1, 30.2]) * HOUR_NS
     channel = ChannelData(

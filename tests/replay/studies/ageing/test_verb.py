@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from analytics import warehouse
+from analytics.insulation.dose.arrhenius import Activation
 from ingest.facts import facts
 from ingest.facts.events import SessionRecorded
 from ingest.facts.store import Store
@@ -341,3 +342,28 @@ def test_a_store_without_checks_is_refused_in_one_line(tmp_path: Path, capsys: C
     line = _refused(capsys, "ageing", "--store", str(tmp_path / "store"))
     assert "no DC check" in line
     assert "thermal_resistance" in line
+
+
+HOT = """
+[[channel]]
+signal = "T_age"
+quantity = "temperature"
+unit = "degC"
+node = "winding"
+"""
+
+
+def test_hours_of_different_ovens_and_names_that_differ_in_case_are_told(tmp_path: Path) -> None:
+    bench = (EXAMPLES / "insulation" / "fleet" / "bench.toml").read_text(encoding="utf-8")
+    (tmp_path / "bench.toml").write_text(bench + HOT, encoding="utf-8")
+    rows = [
+        f"{name},{oven},{dose},{0.02 + 1e-6 * dose * (oven - 190)},{oven}"
+        for name, oven in (("M1", 230), ("M2", 230), ("m 1", 200), ("M4", 200))
+        for dose in (0, 50, 100)
+    ]
+    (tmp_path / "checks.csv").write_text("\n".join(["serial,batch,dose_h,R_th,T_age", *rows, ""]), encoding="utf-8")
+    _taken_in([["ingest", str(tmp_path / "checks.csv"), "--bench", str(tmp_path / "bench.toml")]], tmp_path / "store")
+    case, heat = _asked(tmp_path / "store")["notes"]
+    assert case.startswith("M1 and m 1 are counted as 2 specimens: ")
+    one_hour = [float(Activation(0.9).acceleration(degC, 180.0)) for degC in (200.0, 230.0)]
+    assert f"was worth {one_hour[0]:.1f} h at 180 °C for M4 and {one_hour[1]:.1f} h for M1." in heat
