@@ -108,8 +108,8 @@ BREAK = ("power", None, np.where((T_s < 60) | (T_s == 1500), 0.0, 1000.0))
 @pytest.mark.parametrize(
     ("columns", "why"),
     [
-        ({"P": POWER, "TC": IRON}, "no copper temperature: no channel is of region copper"),
-        ({"P": POWER, "EW": COPPER}, "no iron temperature: no channel is of region iron"),
+        ({"P": POWER, "TC": IRON}, "no copper temperature: no channel of region copper has one"),
+        ({"P": POWER, "EW": COPPER}, "no iron temperature: no channel of region iron has one"),
         ({"EW": COPPER, "TC": IRON}, "no power or current is recorded"),
         (
             {"I": ("current", None, np.full(STEPS, 160.0)), "EW": COPPER, "TC": IRON},

@@ -367,3 +367,15 @@ def test_hours_of_different_ovens_and_names_that_differ_in_case_are_told(tmp_pat
     assert case.startswith("M1 and m 1 are counted as 2 specimens: ")
     one_hour = [float(Activation(0.9).acceleration(degC, 180.0)) for degC in (200.0, 230.0)]
     assert f"was worth {one_hour[0]:.1f} h at 180 °C for M4 and {one_hour[1]:.1f} h for M1." in heat
+
+
+def test_hours_of_an_oven_that_its_log_does_not_show_are_told(tmp_path: Path) -> None:
+    plan = Plan(stators=1, cycles=2, forms=("none",), early_stops=0.0, dead=0.0, electrical=False)
+    written = insulation_campaign.write(tmp_path / "logs", seed=4, plan=plan)
+    log = tmp_path / "logs" / "S01" / "oven_02.csv"
+    lines = log.read_text(encoding="cp1252").splitlines(keepends=True)
+    middle = len(lines) // 2
+    log.write_text("".join([*lines[: middle - 60], *lines[middle + 60 :]]), encoding="cp1252")
+    _taken_in(written.ingest, tmp_path / "store")
+    (note,) = _asked(tmp_path / "store")["notes"]
+    assert note.startswith("S01: 2.0 h of its oven cycles are in gaps of the logs and count in no dose: ")
