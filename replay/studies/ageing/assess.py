@@ -292,8 +292,8 @@ def _differ_in_case(names: Sequence[str]) -> list[str]:
         alike.setdefault("".join(name.split()).casefold(), []).append(name)
     return list(
         _first(
-            f"{' and '.join(some)} are counted as {len(some)} specimens: if they are one, whyhot correct SESSION "
-            f'--specimen {some[0]} --reason "..." says so of a log, of rows of a table its export.'
+            f"{' and '.join(some)} are counted as {len(some)} specimens: if they are one, give its logs one name "
+            f"(whyhot correct, --specimen {some[0]}), or correct the rows of its table and ingest that."
             for some in alike.values()
             if len(some) > 1
         )
@@ -322,7 +322,7 @@ def _unusable(points: Sequence[Point]) -> list[str]:
     lacking = sum(not point.usable for point in points)
     if not lacking:
         return []
-    where = 'whyhot sql "FROM conductivity_by_cycle WHERE why IS NOT NULL"'
+    where = '`whyhot sql "FROM conductivity_by_cycle WHERE why IS NOT NULL"`'
     return [f"{lacking} of {len(points)} checks say no R or no dose, and no course has them: {where} says why."]
 
 

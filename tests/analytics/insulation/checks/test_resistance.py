@@ -252,7 +252,8 @@ def test_iron_sensors_that_each_fail_in_one_check_take_the_iron_from_no_other(ir
         lost = {"iron_degC": degC[:, rest], "iron_names": tuple(names[i] for i in rest)}
         opened = {"iron_degC": np.where(np.arange(irons) == k, np.nan, degC)}
         failing[2 + k] = replace(failing[2 + k], **(opened if how == "open" else lost))
-    found, expected = evaluate_together(failing), evaluate_together([replace(one, iron_degC=one.iron_degC[:, :1], iron_names=one.iron_names[:1]) for one in whole])  # fmt: skip
+    first = [replace(one, iron_degC=one.iron_degC[:, :1], iron_names=one.iron_names[:1]) for one in whole]
+    found, expected = evaluate_together(failing), evaluate_together(first)
     assert [one.source for one in found] == ["iron sensor" if k != 2 else None for k in range(len(whole))]
     for k, one in enumerate(found):
         if k != 2:
