@@ -19,8 +19,8 @@ NAMED = 8  # specimens or batches in a sentence
 TOO_FEW = "too few checks for a course"
 
 
-def ageing_text(found: Assessment) -> str:
-    """What `whyhot ageing` prints. No colours, no trailing newline."""
+def ageing_text(found: Assessment, kept: bool = True) -> str:
+    """What `whyhot ageing` prints. No colours, no trailing newline. `kept`: whether it is in the store, for SQL."""
     lines = labelled("Answer", answer(found))
     lines += ["", *_table(found)]
     if len(found.batches) > 1:
@@ -29,7 +29,8 @@ def ageing_text(found: Assessment) -> str:
     for name, text in says(found):
         lines += labelled(name, text)
     page = f" LIMIT {ROWS} OFFSET {ROWS}" if found.whole.specimens > ROWS else ""
-    lines += labelled("Next", f'whyhot sql "FROM conductivity_by_cycle" · whyhot sql "FROM fleet_health{page}"')
+    if kept:
+        lines += labelled("Next", f'whyhot sql "FROM conductivity_by_cycle" · whyhot sql "FROM fleet_health{page}"')
     return "\n".join(lines)
 
 
