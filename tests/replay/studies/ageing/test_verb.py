@@ -224,7 +224,7 @@ def test_of_a_large_fleet_the_answer_holds_those_that_stand_out_most_and_counts_
     text = page.read_text(encoding="utf-8")
     assert "The 10 specimens that stand out most</h2>" in text and "LIMIT 100 OFFSET 100" in text
     assert f"All 80 specimens: where their {checks:,} checks lie" in text
-    assert f"<code>whyhot lineage {last.assessment}</code>" in text
+    assert f"<code>whyhot lineage --store {tables / 'store'} {last.assessment}</code>" in text
 
 
 def test_a_density_is_of_a_fleet_whose_courses_cannot_be_told_apart() -> None:
@@ -379,3 +379,15 @@ def test_hours_of_an_oven_that_its_log_does_not_show_are_told(tmp_path: Path) ->
     _taken_in(written.ingest, tmp_path / "store")
     (note,) = _asked(tmp_path / "store")["notes"]
     assert note.startswith("S01: 2.0 h of its oven cycles are in gaps of the logs and count in no dose: ")
+
+
+def test_a_stator_that_was_varnished_again_fits_no_form_and_is_told(tmp_path: Path) -> None:
+    bench = str(EXAMPLES / "insulation" / "fleet" / "bench.toml")
+    r = [0.02 * np.exp(0.004 * (dose % 100)) for dose in range(0, 200, 20)]
+    both = {"M1": r, "M2": sorted(r)}
+    rows = [f"{name},B1,{20 * k},{one:.6f}" for name, course in both.items() for k, one in enumerate(course)]
+    (tmp_path / "checks.csv").write_text("\n".join(["serial,batch,dose_h,R_th", *rows, ""]), encoding="utf-8")
+    _taken_in([["ingest", str(tmp_path / "checks.csv"), "--bench", bench]], tmp_path / "store")
+    (note,) = _asked(tmp_path / "store")["notes"]
+    assert note.startswith("M1: its checks are off the most probable course by ")
+    assert "R changes most, by −27 %, between 80 h and 100 h. If it was repaired there" in note
