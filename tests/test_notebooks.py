@@ -220,7 +220,7 @@ def test_the_stator_that_gets_worse_is_told_from_the_one_that_does_not(aged: Age
     found = told(aged.store, "insulation")
     worse, still = aged.truth.stators
     assert [line.split(",")[0].split(" (")[0] for line in found["answer"]] == [
-        f"{worse.name}: R rises",
+        f"{worse.name}: R rises steadily",
         f"{still.name}: no change beyond repeatability",
     ]
     assert found["picked"].value == worse.name, "the one that changed is shown first"
