@@ -80,7 +80,9 @@ def _(cells, course_rows, folder):
             "-", "−"
         )
         if not row["significant"] and row["fleet_slope_percent_per_100h"] is not None:
-            slope = f"{row['fleet_slope_percent_per_100h']:+.1f} % per 100 h by its checks and the fleet".replace("-", "−")
+            slope = f"{row['fleet_slope_percent_per_100h']:+.1f} % per 100 h by its checks and the fleet".replace(
+                "-", "−"
+            )
         if not row["significant"]:
             return f"no change beyond repeatability ({row['repeatability_percent']:.1f} %), {slope}"
         monotone = "R rises steadily" if row["slope_percent_per_100h"] > 0 else "R falls steadily"

@@ -122,7 +122,15 @@ def workers_of(args: argparse.Namespace) -> Workers | None:
 
 def ask_picture(parser: argparse.ArgumentParser) -> None:
     says = "write the picture to this file, and a .png beside it"
-    parser.add_argument("-o", "--out", metavar="FILE.svg", type=Path, help=says)
+    parser.add_argument("-o", "--out", metavar="FILE.svg", type=picture, help=says)
+
+
+def picture(text: str) -> Path:
+    """The file of a picture that a flag names: an .svg, whatever its suffix."""
+    path = Path(text)
+    if not path.name.strip(".") or path.is_dir():
+        raise argparse.ArgumentTypeError(f'"{text}" is no file: name one, as picture.svg')
+    return path.with_suffix(".svg")
 
 
 def picture_note(target: Path) -> str:
