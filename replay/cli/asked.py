@@ -126,11 +126,10 @@ def ask_picture(parser: argparse.ArgumentParser) -> None:
 
 
 def picture(text: str) -> Path:
-    """The file of a picture that a flag names: an .svg, whatever its suffix."""
-    path = Path(text)
-    if not path.name.strip(".") or path.is_dir():
-        raise argparse.ArgumentTypeError(f'"{text}" is no file: name one, as picture.svg')
-    return path.with_suffix(".svg")
+    """The file of a picture that a flag names."""
+    if Path(text).suffix != ".svg":
+        raise argparse.ArgumentTypeError(f'an SVG is written, and a .png beside it: end "{text}" in .svg')
+    return Path(text)
 
 
 def picture_note(target: Path) -> str:

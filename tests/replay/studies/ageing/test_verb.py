@@ -336,12 +336,12 @@ def _refused(capsys: Capture, *words: str) -> str:
     return line
 
 
-@pytest.mark.parametrize("name", [".", "..", "", "/"])
-def test_a_picture_that_is_no_file_is_refused_in_one_line(tmp_path: Path, capsys: Capture, name: str) -> None:
+@pytest.mark.parametrize("name", [".", "..", "", "/", "x.pdf"])
+def test_a_picture_that_is_no_svg_is_refused_in_one_line(tmp_path: Path, capsys: Capture, name: str) -> None:
     with pytest.raises(SystemExit):
         main(["ageing", "--store", str(tmp_path), "--out", name])
     (line,) = capsys.readouterr().err.splitlines()
-    assert f'"{name}" is no file: name one, as picture.svg' in line
+    assert f'an SVG is written, and a .png beside it: end "{name}" in .svg' in line
 
 
 def test_a_store_without_checks_is_refused_in_one_line(tmp_path: Path, capsys: Capture) -> None:
