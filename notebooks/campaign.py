@@ -77,8 +77,11 @@ def _(store):
         """
         SELECT s.specimen, s.name AS session_name, e.payload->'detail'->>'channel' AS channel, e.payload->>'says' AS what
         FROM events AS e
-        JOIN sessions AS s ON e.stream = concat('session-', s.session)
-        WHERE e.topic = 'whyhot:QualityFlagged'
+        LEFT JOIN sessions AS s ON e.stream = concat('session-', s.session)
+        LEFT JOIN files AS f ON e.stream = concat('file-', f.file_id)
+        WHERE e.topic = 'whyhot:QualityFlagged' AND coalesce(s.session, f.file_id) IS NOT NULL
+            AND e.payload->>'flag' <> 'same_name_other_bytes'  -- as the logs of each specimen have
+        QUALIFY row_number() OVER (PARTITION BY e.stream, what, channel ORDER BY e.position) = 1
         ORDER BY e.position
         """
     )

@@ -48,6 +48,7 @@ def _(store):
         SELECT
             f.specimen, f.batch, f.checks, f.form, f.form_probability, f.significant, p.change_at_dose_h,
             f.slope_percent_per_100h, f.slope_low, f.slope_high, f.repeatability_percent, f.why,
+            f.fleet_slope_percent_per_100h,
             f.dose_h, l.equivalent_low_h, l.equivalent_high_h, l.life_used_low, l.life_used_high, c.conductivity_percent
         FROM fleet_health AS f
         LEFT JOIN changepoints AS p ON p.specimen = f.specimen
@@ -78,9 +79,13 @@ def _(cells, course_rows, folder):
         slope = f"{row['slope_percent_per_100h']:+.1f} % per 100 h ({row['slope_low']:+.1f} to {row['slope_high']:+.1f})".replace(
             "-", "−"
         )
+        if not row["significant"] and row["fleet_slope_percent_per_100h"] is not None:
+            slope = f"{row['fleet_slope_percent_per_100h']:+.1f} % per 100 h by its checks and the fleet".replace(
+                "-", "−"
+            )
         if not row["significant"]:
             return f"no change beyond repeatability ({row['repeatability_percent']:.1f} %), {slope}"
-        monotone = "R rises" if row["slope_percent_per_100h"] > 0 else "R falls"
+        monotone = "R rises steadily" if row["slope_percent_per_100h"] > 0 else "R falls steadily"
         at = "" if row["change_at_dose_h"] is None else f"{row['change_at_dose_h']:.0f} h"
         turn = at and (f" from {at} on" if row["form"] == "dip_then_rise" else f" at {at}")
         sure = f"this form at {100 * row['form_probability']:.0f} %"

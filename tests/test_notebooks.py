@@ -216,11 +216,21 @@ def test_the_overview_shows_what_is_wrong_with_the_data(aged: Aged) -> None:
     assert all("no samples for up to" in row["what"] for row in flags)
 
 
+def test_the_overview_shows_what_is_wrong_with_a_log(tmp_path: Path) -> None:
+    (tmp_path / "iso.csv").write_text("t,R_iso\n0,>200\n60,85\n120,90\n", encoding="utf-8")
+    store = tmp_path / "store"
+    assert main(["ingest", str(tmp_path / "iso.csv"), "--store", str(store)]) == 0
+    found = told(store, "campaign")
+    (flag,) = found["flags"].to_pylist()
+    assert flag["what"].startswith("iso.csv: beyond the range of the meter")
+    assert "1 finding about the data" in found["answer"]
+
+
 def test_the_stator_that_gets_worse_is_told_from_the_one_that_does_not(aged: Aged) -> None:
     found = told(aged.store, "insulation")
     worse, still = aged.truth.stators
     assert [line.split(",")[0].split(" (")[0] for line in found["answer"]] == [
-        f"{worse.name}: R rises",
+        f"{worse.name}: R rises steadily",
         f"{still.name}: no change beyond repeatability",
     ]
     assert found["picked"].value == worse.name, "the one that changed is shown first"

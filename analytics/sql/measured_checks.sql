@@ -102,9 +102,9 @@ reasons AS (
             WHEN any_value(l.load_s) < 1200
                 THEN format('loaded for {:.1f} min without a break, 20 min are needed', floor(any_value(l.load_s) / 6) / 10)
             WHEN any_value(v.copper_degC) IS NULL
-                THEN 'no copper temperature: no channel is of region copper'
+                THEN 'no copper temperature: no channel of region copper has one'
             WHEN any_value(v.iron_degC) IS NULL
-                THEN 'no iron temperature: no channel is of region iron'
+                THEN 'no iron temperature: no channel of region iron has one'
             WHEN any_value(v.power_W) IS NULL THEN 'neither power nor voltage is recorded'
             WHEN any_value(v.power_W) <= 0 THEN 'power is not above zero'
             WHEN any_value(v.copper_degC) <= any_value(v.iron_degC) THEN 'copper is not warmer than iron'

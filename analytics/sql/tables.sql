@@ -64,7 +64,8 @@ CREATE TABLE base.asked (session VARCHAR);
 
 CREATE TABLE base.hours (
     session VARCHAR, channel VARCHAR, highest_degC DOUBLE, hours_above_180degC DOUBLE, mean_above_degC DOUBLE,
-    equivalent_1eV_h DOUBLE, equivalent_10K_h DOUBLE, unknown_h DOUBLE
+    equivalent_1eV_h DOUBLE, equivalent_10K_h DOUBLE, unknown_h DOUBLE,
+    above STRUCT(from_ns BIGINT, to_ns BIGINT)[]  -- between which stamps it was above 180 degC
 );
 
 CREATE TABLE base.measured_checks (
@@ -74,6 +75,6 @@ CREATE TABLE base.measured_checks (
 );
 
 CREATE TABLE base.electrical_checks (
-    session VARCHAR, insulation_resistance_ohm DOUBLE, polarisation_index DOUBLE, capacitance_F DOUBLE, tan_delta DOUBLE,
+    session VARCHAR, t_ns BIGINT, insulation_resistance_ohm DOUBLE, polarisation_index DOUBLE, capacitance_F DOUBLE, tan_delta DOUBLE,
     inception_voltage_V DOUBLE, temperature_degC DOUBLE
 );

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from ingest.facts.ledger import Ledger
 
 E = TypeVar("E", bound=Event)
+NAMED = 8  # sessions or logs of one name that a refusal lists
 
 
 @dataclass(frozen=True)
@@ -131,10 +132,16 @@ class Facts:
         if len(found) == 1 and found[0] in current:
             return current[found[0]]
         if len(found) > 1:
-            raise UnknownSessionError(f"session {text!r}: {len(found)} are called so: give the id: {', '.join(found)}")
+            raise UnknownSessionError(f"session {text!r}: {len(found)} are called so: give the id: {self._of(found)}")
         if line := self.taken_back(text):
             raise UnknownSessionError(line)
         raise UnknownSessionError(f"session {text!r}: is not in this store. {self._what_there_is(text)}")
+
+    def _of(self, sessions: Sequence[str]) -> str:
+        """The ids of some sessions, each with its specimen, the first `NAMED` of them."""
+        of = {one.session: f"{one.session} ({one.specimen})" for one in self.sessions if one.specimen}
+        more = f" and {len(sessions) - NAMED:,} more" if len(sessions) > NAMED else ""
+        return ", ".join(of.get(one, one) for one in sessions[:NAMED]) + more
 
     def taken_back(self, text: str) -> str | None:
         """The line of a session that went with what was taken back, None where there is none of this id or name."""

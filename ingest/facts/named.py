@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from ingest.errors import CorrectionError, UnknownSessionError
-from ingest.facts.facts import Facts
+from ingest.facts.facts import NAMED, Facts
 from ingest.facts.standing import KINDS
 from ingest.texts.names import handle, is_called
 from ingest.texts.nearest import hint
@@ -19,6 +19,7 @@ class NamedFact(NamedTuple):
 
     stream: str
     name: str
+    specimen: str | None = None
 
     @property
     def kind(self) -> str:
@@ -35,11 +36,17 @@ class NamedFact(NamedTuple):
 
 def retractable(facts: Facts) -> list[NamedFact]:
     """All logs, sessions, diagnoses and inspections that stand."""
+    of: dict[str, str | None] = {}  # log -> its specimen, None of a table with several
+    for one in facts.sessions:
+        of |= {
+            file["raw"]: one.specimen if of.get(file["raw"], one.specimen) == one.specimen else None
+            for file in one.files
+        }
     return [
-        *(NamedFact(f"file-{sha256}", one.name) for sha256, one in facts.files.items()),
-        *(NamedFact(f"session-{one.session}", one.name) for one in facts.sessions),
-        *(NamedFact(f"diagnosis-{one}", f"d-{handle(one)}") for one in facts.diagnoses),
-        *(NamedFact(f"inspection-{key}", one.name) for key, one in facts.inspections.items()),
+        *(NamedFact(f"file-{sha256}", file.name, of.get(sha256)) for sha256, file in facts.files.items()),
+        *(NamedFact(f"session-{one.session}", one.name, one.specimen) for one in facts.sessions),
+        *(NamedFact(f"diagnosis-{key}", f"d-{handle(key)}") for key in facts.diagnoses),
+        *(NamedFact(f"inspection-{key}", found.name) for key, found in facts.inspections.items()),
     ]
 
 
@@ -97,8 +104,11 @@ def _only(there: Iterable[NamedFact], text: str) -> NamedFact | None:
     by_id = [one for one in there if is_called(one.key, key)]
     found = [one for one in there if one.name == text] or by_id
     if len(found) > 1:
-        which = ", ".join(f"{one.kind} {handle(one.key)}" for one in found)
-        raise CorrectionError(f"{text}: is more than one: {which}: give its id")
+        which = ", ".join(
+            f"{one.kind} {handle(one.key)}{f' ({one.specimen})' if one.specimen else ''}" for one in found[:NAMED]
+        )
+        more = f" and {len(found) - NAMED:,} more" if len(found) > NAMED else ""
+        raise CorrectionError(f"{text}: is more than one: {which}{more}: give its id")
     return found[0] if found else None
 
 

@@ -14,7 +14,7 @@ from math import isnan
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import _csv_numbers
-from ingest.formats._csv_numbers import MISSING, Numerals
+from ingest.formats._csv_numbers import Numerals, is_missing
 from ingest.formats._csv_stamps import is_stamp
 from ingest.formats._csv_units import bare, unit_in_cells
 from ingest.texts.names import each_once
@@ -71,13 +71,13 @@ class Dialect:
 
     def said(self, column: str) -> list[str]:
         """Those of them that are not missing."""
-        return [cell for cell in self.cells_of(column) if cell not in _csv_numbers.MISSING]
+        return [cell for cell in self.cells_of(column) if not is_missing(cell)]
 
     def all_said(self, column: str) -> Iterator[str]:
         """Those of all rows of the table."""
         place = self.names.index(column)
         whole = (row[place].strip() for row in self.rows() if len(row) == len(self.names))
-        return (cell for cell in whole if cell not in _csv_numbers.MISSING)
+        return (cell for cell in whole if not is_missing(cell))
 
     def shows_decimals(self) -> bool:
         """Whether a number in the sample has a decimal sign: else nothing tells it as yet."""
@@ -276,7 +276,7 @@ def _numbers_columns(row: Sequence[str]) -> bool:
 
 def _holds_values(column: Sequence[str]) -> bool:
     """Whether a column holds numbers or stamps: more of them than texts."""
-    said = [cell for cell in column if cell not in MISSING]
+    said = [cell for cell in column if not is_missing(cell)]
     return 2 * sum(cell == "1" or is_value(cell) for cell in said) > len(said)
 
 
@@ -287,7 +287,7 @@ def is_value(cell: str) -> bool:
 
 def _is_data(row: Sequence[str]) -> bool:
     """Whether the cells of columns with values are such, or missing."""
-    return any(map(is_value, row)) and all(cell in MISSING or cell == "1" or is_value(cell) for cell in row)
+    return any(map(is_value, row)) and all(is_missing(cell) or cell == "1" or is_value(cell) for cell in row)
 
 
 def _is_units(row: Sequence[str]) -> bool:
@@ -350,7 +350,7 @@ def _is_units_row(rows: Sequence[Sequence[str]], numerals: Numerals) -> bool:
     if len(rows) < 2:
         return False
     numeric = [i for i in range(len(rows[0])) if _is_numeric([row[i] for row in rows[1:]], numerals)]
-    said = [rows[0][i] for i in numeric if rows[0][i] not in MISSING]
+    said = [rows[0][i] for i in numeric if not is_missing(rows[0][i])]
     return any(not numerals.is_number(cell) for cell in said) and not any(
         numerals.is_number(cell) and cell != "1" for cell in rows[0]
     )
@@ -363,7 +363,7 @@ def _bare(unit: str) -> str:
 
 def _is_numeric(column: Sequence[str], numerals: Numerals) -> bool | None:
     """Whether a column holds numbers: more of them than texts, and no code such as 0417; None where it is empty."""
-    said = [cell for cell in column if cell not in MISSING]
+    said = [cell for cell in column if not is_missing(cell)]
     if not said:
         return None
     numbers = [cell for cell in said if numerals.is_number(cell)]

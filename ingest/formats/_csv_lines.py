@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ingest.formats import SHOWN, _csv_units
 from ingest.formats._csv_dialect import BLANKS, Dialect, cells
-from ingest.formats._csv_numbers import MISSING, Numerals
+from ingest.formats._csv_numbers import BEYOND, MISSING, Numerals
 
 SINGLY = 64  # rows that are read one by one where they cannot be read together
 
@@ -30,11 +30,13 @@ class Lines:
 
 @dataclass(frozen=True)
 class LineReader:
-    """Reads the lines of a table; `numeric`: which of its columns hold numbers."""
+    """Reads the lines of a table; `numeric`: which of its columns hold numbers. `bounds` takes the columns with cells
+    that say but a bound: the first such cell, and how many there are."""
 
     dialect: Dialect
     numeric: tuple[bool, ...]
     no_row: str = ""  # what a line is that has other fields than the header, where that is known
+    bounds: dict[str, tuple[str, int]] = field(default_factory=dict)
 
     def read(self, lines: list[str], places: list[int], bad: dict[int, tuple[str, str]]) -> Lines:
         """The lines at `places`; `bad` takes those that cannot be read: place -> (column, why)."""
@@ -115,6 +117,7 @@ class LineReader:
             count = f"has {len(row):,} field{'s' * (len(row) != 1)} where the header has {len(self.numeric):,}"
             return "", self.no_row or count
         values: list[float | str] = []
+        beyond: list[tuple[str, str]] = []
         for name, cell, numeric, end in zip(self.dialect.names, row, self.numeric, ends, strict=True):
             if not numeric:
                 value: float | str | None = cell
@@ -124,7 +127,12 @@ class LineReader:
                 value = self.dialect.numerals.value(cell)
             if value is None:
                 return name, f'text "{cell.strip()[:SHOWN]}" where numbers are'
+            if numeric and BEYOND.match(cell.strip()):
+                beyond.append((name, cell.strip()))
             values.append(value)
+        for name, cell in beyond:  # of a row that can be read whole
+            first, before = self.bounds.get(name, (cell, 0))
+            self.bounds[name] = first, before + 1
         return values
 
     def _ends(self) -> list[str]:

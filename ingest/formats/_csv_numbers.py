@@ -72,6 +72,12 @@ SURE = {sign: re.compile(rf"[+-]?(?:\d+[{sign}](?:\d{{1,2}}|\d{{4,}})|(?:0|\d{{4
 EXPONENT = r"(?:[eE][+-]?[0-9]+)?"
 
 
+def is_missing(cell: str) -> bool:
+    """Whether a cell, without blanks around it, says that there is no number: by a sign for "missing", or by a bound
+    alone."""
+    return cell in MISSING or BEYOND.fullmatch(cell) is not None
+
+
 @dataclass(frozen=True)
 class Numerals:
     """How a table writes numbers: `decimal` sign, and `group` between thousands, "" where the first rows show none.
@@ -86,7 +92,7 @@ class Numerals:
         """The number in `cell`; NaN where it is a sign for "missing", or says that it is beyond a range; None where it
         is text or too large."""
         cell = cell.strip()
-        if cell in MISSING or BEYOND.fullmatch(cell):
+        if is_missing(cell):
             return float("nan")
         if self._plain.fullmatch(cell):
             found = float(cell.replace(self.decimal, "."))

@@ -6,10 +6,10 @@ import re
 from collections.abc import Sequence
 from functools import lru_cache
 
-from ingest.formats._csv_numbers import MISSING, Numerals
+from ingest.formats._csv_numbers import Numerals, is_missing
 from ingest.texts.units import factor, normal_unit, spellings, tidy
 
-NUMBER_AND_REST = re.compile(r"([+-]?\d[\d.,]*(?:[eE][+-]?\d+)?|[-+*?]+)(\s?)([^\W\d].*|[°%].*)")
+NUMBER_AND_REST = re.compile(r"((?:[<>]=? ?)?[+-]?\d[\d.,]*(?:[eE][+-]?\d+)?|[-+*?]+)(\s?)([^\W\d].*|[°%].*)")
 PREFIXES = frozenset("pnuµmkMG")  # 1.5k and 900m alone are thousands and thousandths of something
 WITH_ZERO = frozenset(("degC", "degF", "K"))  # of temperatures: one is no multiple of another
 
@@ -17,7 +17,7 @@ WITH_ZERO = frozenset(("degC", "degF", "K"))  # of temperatures: one is no multi
 def unit_in_cells(column: Sequence[str]) -> str | None:
     """The unit that the first number of a column ends in; None where most cells end in none, or in several that are not
     known or not of one kind. `12A` alone may be the name of something."""
-    said = [cell for cell in column if cell not in MISSING]
+    said = [cell for cell in column if not is_missing(cell)]
     ended = [match for match in map(NUMBER_AND_REST.fullmatch, said) if match]
     if not ended:
         return None

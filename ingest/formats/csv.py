@@ -43,7 +43,7 @@ from ingest.formats._csv_dialect import (
 from ingest.formats._csv_labels import labels_aside
 from ingest.formats._csv_lines import LineReader, Lines
 from ingest.formats._csv_no_rows import is_row, no_rows
-from ingest.formats._csv_numbers import MISSING, OTHER, Numerals
+from ingest.formats._csv_numbers import MISSING, OTHER, Numerals, is_missing
 from ingest.formats._csv_series import TimedColumns, series_of
 from ingest.formats._csv_stamp_columns import times_of
 from ingest.formats._csv_tables import BELOW, first_table, is_header
@@ -77,6 +77,7 @@ class CsvLog(Log):
     _heads: frozenset[str] = frozenset()  # lines above the rows: where they stand again they are none
     _lines: int = 0  # that were read
     _left: int = 0  # lines below the header that are comments, or the header again
+    _bounds: dict[str, tuple[str, int]] = field(default_factory=dict)  # column -> a cell that is but a bound, how many
     _back: int = 0  # steps of time that go back
     _last_ns: dict[str | None, int] = field(default_factory=dict)  # of each series
 
@@ -198,7 +199,7 @@ class CsvLog(Log):
         kinds |= {place: False for place in unnamed if kinds[place] is None}  # a remark may stand there
         empty = {place for place, kind in kinds.items() if kind is None}
         for row in self._dialect.rows() if empty else ():
-            for place in [place for place in empty if place < len(row) and row[place].strip() not in MISSING]:
+            for place in [place for place in empty if place < len(row) and not is_missing(row[place].strip())]:
                 kinds[place] = self._dialect.numerals.value(row[place]) is not None
                 empty.remove(place)
             if not empty:
@@ -335,7 +336,7 @@ class CsvLog(Log):
         bad: dict[int, tuple[str, str]] = {}
         if cut and lines and is_row(lines[-1]):
             bad[len(lines) - 1] = ("", "the file ends inside it")
-        reader = LineReader(self._dialect, self._numeric, self.no_row)
+        reader = LineReader(self._dialect, self._numeric, self.no_row, self._bounds)
         part = reader.read(lines, [place for place in np.flatnonzero(written).tolist() if place not in bad], bad)
         there = self._there(part)
         records = written.astype(np.int64)  # of each line: a row of several series is one of each that it says
@@ -408,6 +409,8 @@ class CsvLog(Log):
         self.settings.update(gz=text.packed, backward_steps=self._back, **self._clock.counted())
         if self._left:
             self.settings["lines_of_no_row"] = self._left
+        if self._bounds:
+            self.settings["bounds"] = {name: [cell[:SHOWN], count] for name, (cell, count) in self._bounds.items()}
         if len(self._columns) > 1:
             self.settings[SERIES] = self._columns
         if len(self._series) > 1:

@@ -7,21 +7,26 @@ from typing import Any
 
 from ingest.facts.events import QualityFlagged
 
-SHEETS, TEXTS, TIMES, DATE = "sheets_unread", "numbers_as_text", "time_either", "date_unread"
+SHEETS, TEXTS, BOUNDS = "sheets_unread", "numbers_as_text", "bounds_missing"
+TIMES, DATE = "time_either", "date_unread"
 MESSAGES, CHANNELS, LAWS, SCALES = "databases_differ", "channels_unread", "unconverted", "unscaled"
 SHOWN = 5  # channels
 
 
 def findings(name: str, settings: Mapping[str, Any]) -> list[QualityFlagged]:
     """A flag of the file `name` for each: further sheets of a workbook, columns whose cells say more than a number, or
-    one that may be two, times that may be others, a date that is none, frames of which databases differ, channels
-    beside frames, and those whose conversion or scaling is not read."""
+    one that may be two, cells that say but a bound, times that may be others, a date that is none, frames of which
+    databases differ, channels beside frames, and those whose conversion or scaling is not read."""
     told = {}
     if others := settings.get("other_sheets"):
         told[SHEETS] = f"sheet {settings['sheet']} was read, and not {', '.join(others)} ([time] sheet tells another)"
     if cells := settings.get("numbers_with_units"):
         said = ", ".join(f'{column} ("{cell}")' for column, cell in cells.items())
         told[TEXTS] = f"read as text and not as numbers: {said}: export it as plain numbers"
+    if bounds := settings.get("bounds"):
+        often = {column: "once" if count == 1 else f"{count:,} times" for column, (_, count) in bounds.items()}
+        said = ", ".join(f'{column} {often[column]}, as "{cell}"' for column, (cell, _) in bounds.items())
+        told[BOUNDS] = f"beyond the range of the meter, so no number is known there: {said}"
     if cell := settings.get("time_either"):
         told[TIMES] = (
             f'"{cell}" in {settings["time_column"]} is read as hours and minutes; if it is minutes and seconds, say '

@@ -65,7 +65,7 @@ _EXAMPLES: Mapping[str, str] = {  # by stored unit, for messages
     "V": "V, mV, kV",
     "W": "W, kW, mW, hp",
     "lpm": "lpm, l/min, l/h, m3/h, gpm",
-    "ohm": "ohm, mOhm, kOhm, MOhm, GOhm",
+    "ohm": "ohm, mOhm, kOhm, MOhm, GOhm, TOhm",
     "Wb": "Wb, mWb, Vs",
     "m/s2": "m/s2, g",
     "1": "1, -, %",

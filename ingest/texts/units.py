@@ -82,6 +82,7 @@ _UNITS: Mapping[str, tuple[str, str]] = {
 _WRITTEN: Mapping[str, str] = {"degC": "°C", "lpm": "l/min", "ohm": "Ω", "m/s2": "m/s²"}
 _PREFIXED = ("A", "V", "W", "ohm", "F", "H", "Hz", "Pa", "s", "J", "Wh", "Ah", "bar", "N", "T", "g")
 _PREFIXES = ("p", "n", "u", "m", "k", "M", "G")
+_OF_OHM = (*_PREFIXES, "T")  # as meters of insulation go: of others "T" is a time or a tesla
 
 
 def normal_unit(text: str | None) -> str | None:
@@ -156,7 +157,7 @@ def _registry() -> Any:
 def _expressions() -> Mapping[str, str]:
     """Canonical unit -> pint's text."""
     plain = {unit: text for unit, (text, _) in _UNITS.items()} | {"g_0": "g_0"}
-    prefixed = {p + unit: p + _UNITS[unit][0] for unit in _PREFIXED for p in _PREFIXES}
+    prefixed = {p + unit: p + _UNITS[unit][0] for unit in _PREFIXED for p in (_OF_OHM if unit == "ohm" else _PREFIXES)}
     return prefixed | plain
 
 
@@ -166,8 +167,8 @@ def spellings() -> Mapping[str, str]:
     found = {unit: unit for unit in _expressions() if unit != "g_0"}
     for unit, (_, aliases) in _UNITS.items():
         found |= {tidy(alias): unit for alias in aliases.split("|") if alias}
-    for prefix in _PREFIXES:
-        found |= {f"{prefix}{sign}": f"{prefix}ohm" for sign in (tidy("Ω"), "Ohm", "OHM")}
+    for prefix in _OF_OHM:
+        found |= {f"{prefix}{sign}": f"{prefix}ohm" for sign in (tidy("Ω"), "Ohm", "OHM", "Ohms", "ohms")}
     return found | {tidy("Ω"): "ohm", "Ohm": "ohm"}
 
 

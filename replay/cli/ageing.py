@@ -39,7 +39,8 @@ def run(args: argparse.Namespace) -> Answer:
             from replay.show.reports.ageing_report import write_ageing_report
             from replay.show.reports.documents import context
 
-            write_ageing_report(found, args.report, context(store, typed("ageing", motor=args.motor, as_of=args.as_of)))
+            asked = context(store, typed("ageing", motor=args.motor, as_of=args.as_of))
+            write_ageing_report(found, args.report, asked, kept=args.as_of is None)
             data |= {"report": str(args.report)}
     notes = list(found.notes)
     if args.report:
@@ -49,4 +50,4 @@ def run(args: argparse.Namespace) -> Answer:
 
         picture(found, args.out)
         notes.append(picture_note(args.out))
-    return Answer(data, ageing_text(found), notes=notes)
+    return Answer(data, ageing_text(found, kept=args.as_of is None), notes=notes)

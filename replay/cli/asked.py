@@ -122,7 +122,14 @@ def workers_of(args: argparse.Namespace) -> Workers | None:
 
 def ask_picture(parser: argparse.ArgumentParser) -> None:
     says = "write the picture to this file, and a .png beside it"
-    parser.add_argument("-o", "--out", metavar="FILE.svg", type=Path, help=says)
+    parser.add_argument("-o", "--out", metavar="FILE.svg", type=picture, help=says)
+
+
+def picture(text: str) -> Path:
+    """The file of a picture that a flag names."""
+    if Path(text).suffix != ".svg":
+        raise argparse.ArgumentTypeError(f'an SVG is written, and a .png beside it: end "{text}" in .svg')
+    return Path(text)
 
 
 def picture_note(target: Path) -> str:

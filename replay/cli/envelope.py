@@ -13,7 +13,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     ask_model(parser)
     ask_level(parser, "channels that bands may use")
     ask_picture(parser)
-    parser.set_defaults(refuse=parser.error)
 
 
 def run(args: argparse.Namespace) -> Answer:
@@ -21,8 +20,6 @@ def run(args: argparse.Namespace) -> Answer:
     from replay.show.verbs.envelope import document, envelope_text, picture
     from replay.studies.characterise.envelope import envelope
 
-    if args.out and args.out.suffix != ".svg":
-        args.refuse(f"--out writes an SVG, and a .png beside it: end {args.out} in .svg")
     with asked(args, write=args.model is not None) as (store, known, model, sessions):
         found = envelope(store, known, sessions, model, args.level, tell)
         left = left_out(store, known, sessions, found.model)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ingest.texts.names import handle
 from replay.cli.answer import Answer, provenance, store_folder
-from replay.cli.asked import sessions_of
+from replay.cli.asked import picture, sessions_of
 
 if TYPE_CHECKING:
     from twin.motor.network import Network
@@ -62,7 +62,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     reduce.add_argument("--on", nargs="+", metavar="S", help="sessions whose runs propose what to merge")
     says = "kept sessions, whose error decides what is merged (default: those of --on)"
     reduce.add_argument("--hold-out", nargs="+", metavar="S", help=says)
-    reduce.add_argument("--curve", metavar="F.svg", type=Path, help="draw nodes against error to this file")
+    reduce.add_argument("--curve", metavar="F.svg", type=picture, help="draw nodes against error to this file")
     parser.set_defaults(refuse=parser.error)
 
 

@@ -108,8 +108,8 @@ BREAK = ("power", None, np.where((T_s < 60) | (T_s == 1500), 0.0, 1000.0))
 @pytest.mark.parametrize(
     ("columns", "why"),
     [
-        ({"P": POWER, "TC": IRON}, "no copper temperature: no channel is of region copper"),
-        ({"P": POWER, "EW": COPPER}, "no iron temperature: no channel is of region iron"),
+        ({"P": POWER, "TC": IRON}, "no copper temperature: no channel of region copper has one"),
+        ({"P": POWER, "EW": COPPER}, "no iron temperature: no channel of region iron has one"),
         ({"EW": COPPER, "TC": IRON}, "no power or current is recorded"),
         (
             {"I": ("current", None, np.full(STEPS, 160.0)), "EW": COPPER, "TC": IRON},
@@ -320,6 +320,43 @@ def test_an_insulation_check_is_one_row_with_the_worst_of_its_channels(store: St
         "temperature_degC, why_no_dose FROM insulation_checks",
     )
     assert rows == [("stator-07", 1.0, 2.5e9, 3.1, 5e-9, 0.008, 1300.0, 25.0, None)]
+
+
+def test_values_an_hour_apart_are_of_several_checks_each_with_the_dose_before_it(store: Store, add: Add) -> None:
+    columns: Columns = {
+        "IR": ("insulation_resistance", None, (8e10, 5e10, 1e10)),
+        "PDIV": ("inception_voltage", None, (1200.0, np.nan, 900.0)),
+    }
+    add("list", "insulation_check", 0.0, columns, step_s=100 * HOUR_s)
+    add("oven_1", "ageing", 20.0, oven(230, 230, 230), step_s=HOUR_s)
+    add("oven_2", "ageing", 120.0, oven(230, 230), step_s=HOUR_s)
+    asked = "SELECT start, dose_h, insulation_resistance_ohm, inception_voltage_V FROM insulation_checks"
+    rows = ask(store, asked)
+    assert [row[1:] for row in rows] == [(0.0, 8e10, 1200.0), (2.0, 5e10, None), (3.0, 1e10, 900.0)]
+    assert [(row[0] - rows[0][0]).total_seconds() / HOUR_s for row in rows] == [0, 100, 200]
+
+
+@pytest.mark.parametrize("kind", ["dc_check", "insulation_check"])
+def test_an_oven_log_that_goes_on_counts_up_to_each_check(store: Store, add: Add, kind: str) -> None:
+    add("oven", "ageing", 0.0, oven(130, 230, 230, 130, 20, 20, 230, 230, 20), step_s=HOUR_s)
+    for name, at_h in (
+        ("before", -1.0),
+        ("at_the_flank", 0.75),
+        ("between", 4.5),
+        ("at_the_end", 8.0),
+        ("after", 90.0),
+    ):
+        add(name, kind, at_h, CHECK if kind == "dc_check" else {"PI": ("polarisation_index", None, (3.0,))})
+    rows = dict(ask(store, f"SELECT name, dose_h FROM {kind}s"))
+    fall = 50 / 210
+    whole = 2.0 + (1.0 - 160 / 210) + 1.0 + fall
+    assert rows == {
+        "before": 0.0,
+        "at_the_flank": pytest.approx(0.25),
+        "between": pytest.approx(2.0),
+        "at_the_end": pytest.approx(whole),
+        "after": pytest.approx(whole),
+    }
 
 
 def test_what_was_not_measured_is_null(store: Store, add: Add) -> None:

@@ -41,7 +41,8 @@ def evaluate_together(traces: Sequence[CheckTrace], first: Sequence[Together] = 
     """The checks of one specimen in the order of time, comparable with each other.
 
     A sensor that fails in one check is left out of all, as the mean of the others is another temperature, unless
-    fewer than half would remain; then each check leaves out its own. The route is the most trusted one that serves
+    fewer than half would remain; then each check leaves out its own. Where no iron sensor would remain, the one that
+    fails least often is kept, and the checks in which it fails have none. The route is the most trusted one that serves
     three quarters of the checks, those of `first` before all others, else the one that serves most; checks that it
     does not serve have none. What sensors are off by from check to check is read before the load (`check_zero`). By
     an iron sensor alone the first check has its own value, later ones without what darker surfaces take from theirs,
@@ -66,14 +67,22 @@ def _left_out(traces: Sequence[CheckTrace]) -> list[dict[str, str]]:
     bad = [unusable_sensors(trace) for trace in traces]
     bad = [found | stray for found, stray in zip(bad, strayed(traces, bad), strict=True)]
     copper = {name for trace in traces for name in trace.copper_names}
-    every = copper | {name for trace in traces for name in trace.iron_names}
+    iron = {name for trace in traces for name in trace.iron_names}
+    every = copper | iron
     common: dict[str, str] = {}
     for trace, found in zip(traces, bad, strict=True):
         common |= {name: f"{why}, in one check" for name, why in found.items() if name not in common}
         common |= dict.fromkeys(sorted(every - {*trace.copper_names, *trace.iron_names}), "not in every check")
+    if iron and iron <= common.keys():
+        common.pop(min(sorted(iron), key=lambda name: _fails(name, traces, bad)))
     if len(copper - common.keys()) >= LEAST_SENSORS_SHARE * len(copper):
         return [common | found for found in bad]
     return bad
+
+
+def _fails(iron: str, traces: Sequence[CheckTrace], bad: Sequence[Mapping[str, str]]) -> int:
+    """In how many checks the sensor is not there or cannot be believed."""
+    return sum(iron in found or iron not in trace.iron_names for trace, found in zip(traces, bad, strict=True))
 
 
 def _answers(

@@ -157,7 +157,7 @@ def _state(settled: Settled | None, last: Floats) -> tuple[State, Floats, Floats
 
 def _by_iron(check: Loaded) -> ResistanceEstimate | str:
     if check.iron is None:
-        return "no iron temperature: no channel is of region iron"
+        return "no iron temperature: no channel of region iron has one"
     if check.load_s < LEAST_S:
         return f"loaded for {check.load_s // 6.0 / 10.0:.1f} min without a break, {LEAST_S / 60.0:.0f} min are needed"
     on = check.on

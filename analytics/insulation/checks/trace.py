@@ -69,7 +69,7 @@ def loaded(trace: CheckTrace, left_out: Collection[str]) -> Loaded | str:
     copper = [k for k, name in enumerate(trace.copper_names) if name not in left_out]
     iron = [k for k, name in enumerate(trace.iron_names) if name not in left_out]
     if not trace.copper_names:
-        return "no copper temperature: no channel is of region copper"
+        return "no copper temperature: no channel of region copper has one"
     if not copper:
         return "no copper temperature can be believed: look at the thermocouples that are left out"
     sensors = possible_only(trace.copper_degC[:, copper])

@@ -118,13 +118,21 @@ def _less_lines(who: Ints, along: Floats, columns: Floats) -> Floats:
     return columns - np.array(slopes).reshape(-1, len(size)).T[who] * along[:, None]
 
 
+def _beside_lines(who: Ints, along: Floats, columns: Floats, bends: Floats) -> tuple[Floats, Floats]:
+    """Columns (n, K) less what goes in proportion to `along` in each specimen, and orthonormal ones that span what is
+    left of `bends` (n, C) then."""
+    basis, size, _ = np.linalg.svd(_less_lines(who, along, bends), full_matrices=False)
+    return _less_lines(who, along, columns), np.asarray(basis[:, size > NEARLY**0.5])
+
+
 def _told_apart(who: Ints, x: Floats, bends: Floats, rates: bool) -> Flags:
     """Which of the columns (n, K) are told from which (K, K): those that do not go together, and whose estimated
     effects do not either. What is nearly a bent course of the first column is not told from it."""
     unit = x / np.linalg.norm(x, axis=0)
     left = _less(unit, bends)
     size = np.linalg.norm(left, axis=0)
-    of_first = (np.linalg.norm(_less_lines(who, x[:, 0], left), axis=0) if rates else size) ** 2 < 1.0 - TOLD_APART**2
+    beside = _less(*_beside_lines(who, x[:, 0], unit, bends)) if rates else left
+    of_first = np.linalg.norm(beside, axis=0) ** 2 < 1.0 - TOLD_APART**2
     left = left / np.maximum(size, NEARLY)
     gram = unit.T @ unit
     inverse = np.linalg.inv(left.T @ left + NEARLY * np.eye(len(gram)))  # huge, along what adds up to nothing

@@ -180,6 +180,8 @@ def _cycle(trace: _Trace, first: int, last: int, after: int, before: int, thresh
     if left is not None:
         left = _after_a_pause(trace, left, first, level)
     cooled = last + 1 + int(np.flatnonzero(_at_foot(cooling, level))[0]) if cooling.size else None
+    if cooled is not None:
+        cooled = _before_a_pause(trace, last, cooled, level)
     lowest = min(value[0 if left is None else left], value[-1 if cooled is None else cooled], threshold)
     near = first + np.flatnonzero(value[first : last + 1] >= level - max(SOAK_SHARE * (level - lowest), SOAK_LEAST_K))
     part = trace.between(first if left is None else left, last if cooled is None else cooled)
@@ -220,6 +222,14 @@ def _after_a_pause(trace: _Trace, left: int, first: int, level: float) -> int:
     foot = trace.value[left]
     near = gaps[trace.value[gaps] < foot + PAUSE_SHARE * (level - foot)]
     return int(near[-1]) if near.size else left
+
+
+def _before_a_pause(trace: _Trace, last: int, cooled: int, level: float) -> int:
+    """Where cooling ends if the log paused at the foot: the last sample before the gap, where that is near the foot."""
+    gaps = last + np.flatnonzero(~trace.known[last:cooled])
+    foot = trace.value[cooled]
+    near = gaps[trace.value[gaps] < foot + PAUSE_SHARE * (level - foot)]
+    return int(near[0]) if near.size else cooled
 
 
 def _at_foot(value: Floats, level: float) -> Flags:

@@ -22,6 +22,7 @@ CRITERION_PERCENT = 200.0  # conductivity -50 %: R is twice the first
 SEEN_FROM = 133.0  # percent of the first R: below, the criterion is told and not drawn, it would flatten the courses
 MOST_COURSES, COLUMNS = 8, 2
 MOST_ROWS = 60  # specimens in the forest
+MOST_NAMED = 5  # specimens or batches in its title
 DENSITY = 3.0  # inches
 FEWEST = 0.05  # of the fullest column's: where fewer checks lie, they are not made to look like many
 SHADES = (0.02, 0.1, 0.25, 0.5, 0.75)  # of the fullest cell
@@ -208,13 +209,13 @@ def forest(found: Assessment) -> Plot | None:
 
 
 def _forest_title(found: Assessment) -> str:
-    batches = [one for one in found.batches if one.outlying]
-    names = words.joined(
-        [f"batch {one.batch}" for one in batches] or [o.specimen for o in found.specimens if o.outlying]
-    )
-    if not names:
+    batches = [f"batch {one.batch}" for one in found.batches if one.outlying]
+    names = batches or [one.specimen for one in found.specimens if one.outlying]
+    many = len(batches) or found.whole.outlying
+    if not many:
         return "No specimen deteriorates faster than the others beyond chance"
-    return f"{words.capital(names)} deteriorates faster than the others"
+    what = words.joined(names) if many <= MOST_NAMED else f"{many:,} {'batches' if batches else 'specimens'}"
+    return f"{words.capital(what)} {'deteriorates' if many == 1 else 'deteriorate'} faster than the others"
 
 
 def _place(one: Specimen, batches: Mapping[str | None, Batch]) -> tuple[float, str, float]:

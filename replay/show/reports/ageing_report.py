@@ -12,8 +12,9 @@ from replay.show.words.page import template
 from replay.studies.ageing.assessment import Assessment
 
 
-def write_ageing_report(found: Assessment, target: Path, context: ReportContext) -> None:
-    """Write the report of an assessment to `target`. The same assessment gives the same bytes."""
+def write_ageing_report(found: Assessment, target: Path, context: ReportContext, kept: bool = True) -> None:
+    """Write the report of an assessment to `target`. The same assessment gives the same bytes. `kept`: whether it is in
+    the store, for SQL and lineage."""
     pictures = {
         "Courses": [courses(found, courses_title(found)), density(found)],
         "Specimens and batches": [forest(found)],
@@ -26,6 +27,7 @@ def write_ageing_report(found: Assessment, target: Path, context: ReportContext)
         pictures={name: shown for name, plots in pictures.items() if (shown := [one for one in plots if one])},
         says=ageing.says(found),
         context=context,
+        kept=kept,
     )
     target.parent.mkdir(parents=True, exist_ok=True)
     target.write_text(page, encoding="utf-8")

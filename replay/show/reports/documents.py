@@ -22,6 +22,7 @@ from replay.show.reports.diagnosis_text import answer_markdown, diagnosis_name
 from replay.show.reports.report import ReportContext, write_report
 from replay.show.viewer import layers
 from replay.show.viewer.seen import SessionSeen
+from replay.show.words.onward import DEFAULT_STORE
 from replay.show.words.words import joined, short
 from replay.studies.ageing import assessment
 from replay.studies.ageing.assessment import Assessment
@@ -155,6 +156,7 @@ def context(store: Store | None, command: str) -> ReportContext:
         command=command.strip(),
         store_head=str(store.ledger.head()) if store else "no store",
         versions={name: version(name) for name in NAMED},
+        store=store.folder if store else DEFAULT_STORE,
     )
 
 

@@ -21,6 +21,7 @@ from replay.show.words import heat_words, words
 from replay.show.words.figure import Plot
 from replay.show.words.filter_words import filter_says
 from replay.show.words.findings import answer, power_balance, worst_first
+from replay.show.words.onward import DEFAULT_STORE
 from replay.show.words.page import template
 from replay.show.words.terminal import integrator_says
 
@@ -31,11 +32,13 @@ LINES = 120  # ... up to this many lines; above, each gets fewer, so that the fi
 
 @dataclass(frozen=True)
 class ReportContext:
-    """Where the report comes from: the command typed, the store's head, versions of what computed it by name."""
+    """Where the report comes from: the command typed, the store's head, versions of what computed it by name, and the
+    folder of the store."""
 
     command: str
     store_head: str
     versions: Mapping[str, str]
+    store: Path = DEFAULT_STORE
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,8 @@ NAMED = 8  # specimens or batches in a sentence
 TOO_FEW = "too few checks for a course"
 
 
-def ageing_text(found: Assessment) -> str:
-    """What `whyhot ageing` prints. No colours, no trailing newline."""
+def ageing_text(found: Assessment, kept: bool = True) -> str:
+    """What `whyhot ageing` prints. No colours, no trailing newline. `kept`: whether it is in the store, for SQL."""
     lines = labelled("Answer", answer(found))
     lines += ["", *_table(found)]
     if len(found.batches) > 1:
@@ -29,14 +29,15 @@ def ageing_text(found: Assessment) -> str:
     for name, text in says(found):
         lines += labelled(name, text)
     page = f" LIMIT {ROWS} OFFSET {ROWS}" if found.whole.specimens > ROWS else ""
-    lines += labelled("Next", f'whyhot sql "FROM conductivity_by_cycle" · whyhot sql "FROM fleet_health{page}"')
+    if kept:
+        lines += labelled("Next", f'whyhot sql "FROM conductivity_by_cycle" · whyhot sql "FROM fleet_health{page}"')
     return "\n".join(lines)
 
 
 def says(found: Assessment) -> list[tuple[str, str]]:
     """Name and text of all that the answer rests on: repeatability, rules, law, lives, other stresses."""
     rules = f"what an hour at another temperature is worth: {words.joined(found.rules)}; a range spans what they give"
-    size = "thermal resistance of the insulation; percent per 100 h are 100 times the slope of ln R"
+    size = "thermal resistance of the insulation; percent per 100 h are 100 times the slope of ln R, in brackets 95 %"
     fleet = any(one.fleet_slope_percent_per_100h is not None and not one.significant for one in found.specimens)
     size += ", where no change is seen, of these checks and the fleet together" * fleet
     parts = [("R", f"{size}; repeatability {found.repeatability_from}"), ("Rules", rules)]
@@ -119,7 +120,11 @@ def _table(found: Assessment) -> Iterator[str]:
         place = rank({one.batch for one in found.batches if one.outlying})
         shown = sorted(shown, key=lambda one: place(one.outlying, one.batch, one.score))[:ROWS]
     head = ("Specimen", "batch", "checks", "dose", "course", "sure", "R per 100 h", "conducts", "life used", "")
-    yield from table(head, map(_specimen_row, shown), width(), right=(2, 3, 5, 6, 7, 8))
+    rows = [head, *map(_specimen_row, shown)]
+    if all(one.batch is None for one in shown):
+        rows = [(name, *rest) for name, _, *rest in rows]
+    whole = range(rows[0].index("checks"), len(head) - 1)  # a course of which the end is cut is another
+    yield from table(rows[0], rows[1:], width(), right=whole)
     if found.whole.specimens > len(shown):
         yield f"and {found.whole.specimens - len(shown):,} more"
 
@@ -166,7 +171,8 @@ def _lives(law: LivesLaw, criterion: str) -> str:
         return f"{given['value']:,.{digits}f} ({ends[0]} to {ends[1]})"
 
     hours, energy = with_band(law.median_h_at_180degC, 0), with_band(law.activation_energy_eV, 2)
-    text = f"until {criterion}: {hours} h at 180 °C by {energy} eV"
+    half = f"half of the specimens reach {criterion} by".replace("-", "−")
+    text = f"{half} {hours} h at 180 °C, with {energy} eV, in brackets 95 %"
     if law.temperature_index_degC is None or law.halving_interval_K is None:
         return f"{text}; {law.why_no_index}"
     index, halving = with_band(law.temperature_index_degC, 0), with_band(law.halving_interval_K, 1)
@@ -186,7 +192,7 @@ def _stress(found: Assessment) -> Iterator[str]:
         names, alone = words.joined([one.name for one in together]), " or ".join(map(_effect, together))
         yield (
             f"{names} cannot be told apart here: {alone}, if one alone did it, all specimens together; "
-            "cycles of another length would tell"
+            "cycles of several lengths in one specimen would tell"
         )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+from html import escape
 from pathlib import Path
 
 from replay.show.words.width import width
@@ -15,6 +16,7 @@ VERB = re.compile(r"\bwhyhot ([a-z]+)(?![^`·]* --store )(?= |$)")  # one that n
 # what lists or mends a store, and what shows a diagnosis
 OF_STORE = "sessions|sql|rebuild|verify|upgrade|report"
 SAID = re.compile(rf"(?:(?<=`)|(?<=next: ))whyhot (?:{OF_STORE})(?![^`]* --store )(?=[ `;]|$)")
+CODE = re.compile(r"<code>whyhot [a-z]+(?![^<]* --store )(?=[ <])")  # on a page
 
 
 def onward(text: str, store: Path = DEFAULT_STORE) -> str:
@@ -27,6 +29,12 @@ def on_store(line: str, store: Path) -> str:
     """The line of a refusal or a note with the store in the commands that it names, where that is not the default."""
     named = f" --store {shlex.quote(str(store))}"
     return line if store == DEFAULT_STORE else SAID.sub(lambda found: found[0] + named, line)
+
+
+def on_page(html: str, store: Path) -> str:
+    """The text of a page with the store in the commands that stand in it as code, where that is not the default."""
+    named = escape(f" --store {shlex.quote(str(store))}")
+    return html if store == DEFAULT_STORE else CODE.sub(lambda found: f"{found[0]}{named}", html)
 
 
 def _laid_out(commands: str, indent: int, store: Path) -> str:

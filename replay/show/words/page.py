@@ -6,6 +6,7 @@ import re
 from base64 import b64encode
 from hashlib import sha256
 from importlib.resources import files
+from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup, escape
@@ -13,6 +14,7 @@ from markupsafe import Markup, escape
 from ingest.texts.plain import plain
 from ingest.texts.times import clock
 from replay.show.words import findings, heat_words, words
+from replay.show.words.onward import on_page
 from replay.show.words.palette import variables
 
 
@@ -44,6 +46,8 @@ def template(name: str) -> Template:
         quantity=heat_words.quantity,
         clock=clock,
         contents=_contents,
+        on_store=_on_store,
+        coded=_coded,
         svg=Markup,  # drawn by us, with every name escaped
     )
     return environment.get_template(name)
@@ -62,6 +66,16 @@ def _unbroken(text: str) -> str:
 def _breaking(name: str) -> Markup:
     """A name that may go on in a new line behind "_", "-" and ".", rather than within a word."""
     return Markup(re.sub(r"(?<=[_.-])(?=.)", "<wbr>", str(escape(plain(name)))))
+
+
+def _coded(note: str) -> Markup:
+    """A note with what is to be typed, between backquotes, as code."""
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(plain(note)))))
+
+
+def _on_store(body: str, store: Path) -> Markup:
+    """The page with the store in its commands."""
+    return Markup(on_page(body, store))  # written by a template, with every name escaped
 
 
 def _contents(body: str) -> Markup:

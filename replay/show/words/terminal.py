@@ -75,11 +75,13 @@ def _session(summary: Summary) -> list[str]:
     head = name if len(name) <= NAME else f"{name[: NAME - 1]}…"
     model = f"model {summary.motor} {words.short(summary.model)}"
     about = [*_measured(summary), f"{summary.kind}, {words.duration(summary.duration_s)}", model]
+    banded = any(spot.ci95_degC for spot in summary.hot_spots.values())
+    by = "by model, 95 %" if banded else "by the model"
     errors = _errors(summary) or ["unknown, as no channel observes a node with usable samples"]
     return [
         *_cut(f"{head}   ", about, 1),
         *_cut("  model, on average: ", errors, 2),
-        *_cut("  hottest by the model: ", [*heat_words.in_brief(summary), *left_out(summary)], 1),
+        *_cut(f"  hottest {by}: ", [*heat_words.in_brief(summary), *left_out(summary)], 1),
     ]
 
 

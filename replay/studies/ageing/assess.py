@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from hashlib import sha256
 from typing import TYPE_CHECKING, Any
@@ -37,8 +37,17 @@ from replay.studies.ageing.assessment import (
     read,
 )
 from replay.studies.ageing.configured_checks import models_of
-from replay.studies.ageing.history import History, Point, histories, is_check, of_ageing
+from replay.studies.ageing.history import History, Point, histories, of_ageing
 from replay.studies.ageing.lives import lives_of
+from replay.studies.ageing.notes import (
+    differ_in_case,
+    misfit,
+    not_heat_alone,
+    shortened,
+    unequal_heat,
+    unnamed,
+    unusable,
+)
 from replay.studies.ageing.stress import beside_heat, stress_of
 from replay.studies.ageing.tables import Tables
 from replay.studies.ageing.whole import MOST, SAMPLE, density, drawn, rank
@@ -54,7 +63,6 @@ Floats = NDArray[np.float64]
 Tell = Callable[[str], None]
 
 CRITERION = "conductivity -50 %"
-NOTES = 20  # of single specimens
 NOT_WEIGHED = f"its course was not weighed: of a fleet {MOST} that stand out most are, and {SAMPLE:,} drawn by chance"
 AT_ONCE = 1000  # specimens whose states are in memory together
 BATCH = [field.name for field in fields(Batch)]
@@ -181,7 +189,7 @@ def _assessed(
         if repeats.source == "assumed"
         else f"{100 * repeats.sd:.1f} %, from {repeats.source}",
         law=fleet_law,
-        life=lives_of(known, sd, CRITERION),
+        life=lives_of({name: known[name] for name in names}, sd, CRITERION),
         specimens=[specimens[name] for name in held],
         whole=FleetCounts(
             specimens=len(names),
@@ -199,10 +207,13 @@ def _assessed(
         stress=stress,
         false_discovery_rate=found.fleet.false_discovery_rate,
         notes=[
-            *_unnamed(facts),
-            *_unusable([point for history in known.values() for point in history.points]),
-            *_first(f"{name}: {line}" for name in names for line in known[name].notes),
-            *(_not_heat_alone(beside_heat(stress)) if fleet_law else ()),
+            *unnamed(facts),
+            *differ_in_case(names),
+            *unusable([point for history in known.values() for point in history.points]),
+            *shortened(f"{name}: {line}" for name in names for line in known[name].notes),
+            *(not_heat_alone(beside_heat(stress)) if fleet_law else ()),
+            *unequal_heat({name: known[name].worth for name in names}),
+            *shortened(line for name in names for line in misfit(name, known[name], sd[name], found.forms.get(name))),
         ],
     )
 
@@ -219,13 +230,6 @@ def _held(names: Sequence[str], batches: Mapping[str, str], fleet: FleetAssessme
         return place(bool(one and one.outlying), batches.get(name), one.score if one else None)
 
     return sorted(names, key=of)[:MOST]
-
-
-def _first(lines: Iterable[str]) -> list[str]:
-    """The first lines, and how many more there are."""
-    every = list(lines)
-    more = len(every) - NOTES
-    return [*every[:NOTES], f"{more} more such notes"] if more > 1 else every
 
 
 def _surely_changed(one: Specimen | None) -> float:
@@ -250,14 +254,6 @@ def _law(found: Assessed, one: Specimen | None) -> AgeingLaw | None:
     return AgeingLaw(percent_per_100h=law.percent_per_100h, sd=law.sd, from_h=law.from_h, source=source, model=None)
 
 
-def _not_heat_alone(others: Sequence[str]) -> list[str]:
-    said = (
-        f"the law counts hours of heat, and {' and '.join(others)} did part of it: it holds for specimens that have as "
-        "much of that for their hours."
-    )
-    return [said] if others else []
-
-
 def _published(store: Store, facts: Facts, motor: str, law: AgeingLaw) -> str:
     """The motor file with the law in its insulation, as a model with its parent. Raises MotorFileError where it has
     no insulation."""
@@ -270,24 +266,6 @@ def _published(store: Store, facts: Facts, motor: str, law: AgeingLaw) -> str:
     model = store.archive.seal(aged.encode("utf-8"))
     store.ledger.append_all(published(facts, motor, model))
     return model
-
-
-def _unnamed(facts: Facts) -> list[str]:
-    count = sum(session.specimen is None and is_check(facts, session) for session in facts.sessions)
-    if not count:
-        return []
-    what = "1 check without a specimen is" if count == 1 else f"{count} checks without a specimen are"
-    return [
-        f"{what} left out: name the specimen (--specimen S, or specimen_column of the bench file) and ingest again."
-    ]
-
-
-def _unusable(points: Sequence[Point]) -> list[str]:
-    lacking = sum(not point.usable for point in points)
-    if not lacking:
-        return []
-    where = 'whyhot sql "FROM conductivity_by_cycle WHERE why IS NOT NULL"'
-    return [f"{lacking} of {len(points)} checks say no R or no dose, and no course has them: {where} says why."]
 
 
 def _left(

@@ -7,7 +7,7 @@ A bench file says both with quantities that it has: an oven log a channel of `vo
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -21,6 +21,7 @@ from replay.engine.specimen.heat_history import HEATED, doses
 Floats = NDArray[np.float64]
 
 VOLTAGE, INCEPTION = "voltage", "inception_voltage"
+APART_NS = 3_600_000_000_000  # values further from each other are of two checks, as in the view insulation_checks
 NO_GAP_V = 327.0 / math.sqrt(2.0)  # Paschen's minimum of air is 327 V: below it no gap in air discharges, however wide
 
 
@@ -46,12 +47,12 @@ class AppliedVoltage:
 
 @dataclass(frozen=True)
 class Electrical:
-    """What a session says of voltage, None where it does not. The test voltage of an oven log that could discharge at
-    all: stamps [ns] and values [V], of several channels the highest. The inception voltage [V] that it measured, of
-    several phases the lowest."""
+    """What a session says of voltage. The test voltage of an oven log that could discharge at all: stamps [ns] and
+    values [V], of several channels the highest; None where there was none. The inception voltages that it measured:
+    when [ns] and how high [V], of several phases the lowest; a table of checks holds several."""
 
     tested: tuple[NDArray[np.int64], Floats] | None
-    inception_V: float | None
+    inceptions: tuple[tuple[int, float], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -68,27 +69,38 @@ def electrical_of(session: SessionRecorded, channels: Sequence[ChannelData]) -> 
     used = [channel for channel in channels if channel.spec.role != "ignored" and len(channel.t_ns)]
     volts = [channel for channel in used if channel.spec.quantity == VOLTAGE and session.kind == HEATED]
     tested = [(one.t_ns, np.abs(one.value)) for one in volts if np.abs(one.value).max() > NO_GAP_V]
-    checked = [float(np.median(channel.value)) for channel in used if channel.spec.quantity == INCEPTION]
-    return Electrical(max(tested, key=lambda one: float(one[1].mean()), default=None), min(checked, default=None))
+    checked = [channel for channel in used if channel.spec.quantity == INCEPTION]
+    return Electrical(max(tested, key=lambda one: float(one[1].mean()), default=None), tuple(_inceptions(checked)))
+
+
+def _inceptions(channels: Sequence[ChannelData]) -> Iterator[tuple[int, float]]:
+    """When each check began [ns], and the lowest of its channels' medians [V]."""
+    stamps = np.unique(np.concatenate([np.empty(0, np.int64), *(channel.t_ns for channel in channels)]))
+    for check in np.split(stamps, 1 + np.flatnonzero(np.diff(stamps) > APART_NS)):
+        within = [values for channel in channels if len(values := channel.value[np.isin(channel.t_ns, check)])]
+        if within:
+            yield int(check[0]), min(float(np.median(values)) for values in within)
 
 
 def discharge_of(sessions: Sequence[SessionRecorded], by_time: bool, electrical: Mapping[str, Electrical]) -> Discharge:
     """Hours of discharge before each session of a specimen. `sessions` in order, `by_time` as `heat_history.in_order`
     says; those without an entry in `electrical` count nothing."""
-    inception_V: float | None = None
+    known: list[tuple[int, float]] = []
     tests: dict[str, AppliedVoltage | None] = {}
     for session in sessions:
         said = electrical.get(session.session)
         if said is None:
             continue
         if said.tested is not None:
-            tests[session.session] = None if inception_V is None else AppliedVoltage(*said.tested, inception_V)
-        inception_V = inception_V if said.inception_V is None else said.inception_V
+            before = [volts for t_ns, volts in known if not by_time or t_ns < session.start_ns]
+            tests[session.session] = AppliedVoltage(*said.tested, before[-1]) if before else None
+        known += said.inceptions
+        known.sort(key=lambda one: one[0] if by_time else 0)
     found = doses(sessions, by_time, tests, AppliedVoltage.hours, np.zeros(1))
-    before = {name: None if hours is None else float(hours[0]) for name, hours in found.items()}
+    hours_before = {name: None if hours is None else float(hours[0]) for name, hours in found.items()}
     unknown = next((session.name for session in sessions if tests.get(session.session, True) is None), None)
     why = (
         f"session {unknown} has a test voltage, and no inception voltage was measured before it: hours of discharge "
         "are not known from there on; ingest the electrical check that came before it (inception_voltage)."
     )
-    return Discharge(before, why if unknown is not None else None)
+    return Discharge(hours_before, why if unknown is not None else None)

@@ -38,6 +38,7 @@ Floats = NDArray[np.float64]
 Tell = Callable[[str], None]
 
 ELSEWHERE = "evaluated elsewhere"
+UNKNOWN_SHARE = 0.01  # of the hours of oven cycles, from which on those in gaps of the logs are told
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,6 +177,12 @@ def _of_logs(store: Store, facts: Facts, motor: str | None, sessions: Sequence[S
     notes += said
     answers = dict(zip(checks, found, strict=True))
     cycles = list(_oven_cycles(ordered, heats))
+    unknown_h = sum(one.unknown_h for one in cycles)
+    if unknown_h > UNKNOWN_SHARE * sum(one.hours_above for one in cycles):
+        notes.append(
+            f"{unknown_h:.1f} h of its oven cycles are in gaps of the logs and count in no dose: "
+            '`whyhot sql "FROM oven_cycles WHERE unknown_h > 0"` says in which.'
+        )
     points = [
         Point(
             session=session,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from replay.studies.ageing.assessment import AssessedLives, LivesLaw, OneLife
+from replay.studies.ageing.dc_checks import Evaluated
 from replay.studies.ageing.history import History
 
 if TYPE_CHECKING:
@@ -46,9 +47,13 @@ def lives_of(
 
 
 def _temperature(history: History) -> float | None:
-    """Median temperature of the hours that are the dose, to the nearest step that ovens are told apart by."""
+    """Median temperature of the hours that are the dose, of a table the one that its last row says, to the nearest step
+    that ovens are told apart by."""
     from analytics.insulation.dose.arrhenius import THRESHOLD_DEGC
 
+    said = [point.found.degC for point in history.points if isinstance(point.found, Evaluated) and point.usable]
+    if said and said[-1] is not None and said[-1] > THRESHOLD_DEGC:
+        return LEAST_SPREAD_K * round(said[-1] / LEAST_SPREAD_K)
     degC = np.concatenate([np.empty(0), *(one.heat.degC for one in history.hours)])
     hours = np.concatenate([np.empty(0), *(one.heat.hours for one in history.hours)])
     hot = degC > THRESHOLD_DEGC

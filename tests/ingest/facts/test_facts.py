@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -159,6 +160,14 @@ def test_a_name_that_two_sessions_have_is_refused_with_their_ids() -> None:
     with pytest.raises(UnknownSessionError) as caught:
         facts.session("1_s1")
     assert str(caught.value) == "session '1_s1': 2 are called so: give the id: ab12, cd34"
+
+
+def test_of_many_sessions_of_one_name_the_first_are_named_with_their_specimens() -> None:
+    facts = fold(*(replace(session(f"ab{k}", "dc"), specimen=f"S{k}") for k in range(10)))
+    with pytest.raises(UnknownSessionError) as caught:
+        facts.session("dc")
+    assert "10 are called so: give the id: ab0 (S0), ab1 (S1), " in str(caught.value)
+    assert str(caught.value).endswith("ab7 (S7) and 2 more")
 
 
 def test_the_start_of_two_ids_is_refused_with_both() -> None:

@@ -272,6 +272,16 @@ def test_a_number_that_is_only_a_bound_is_missing(tmp_path: Path, cell: str) -> 
     assert (same(columns["T"], [20.5, np.nan, 21.5]), columns["n"], list(log.rejected)) == (True, [5, 6, 7], [])
 
 
+@pytest.mark.parametrize(("cell", "times"), [(">200", 1), ("> 200", 1), (">200 GOhm", 1), ("> 0,2 TΩ", 1000)])
+@pytest.mark.parametrize("units", ["", ";GOhm;°C\n"])
+def test_a_bound_in_the_first_row_is_no_unit_and_is_counted(tmp_path: Path, cell: str, times: int, units: str) -> None:
+    unit = " GOhm" if cell[-1] in "mΩ" else ""
+    rows = f"0;{cell};20,5\n1;85{unit};21\n2;{cell};21\n3;66{unit};22\n4;{cell};22\n"
+    log, t_ns, columns = read(table(tmp_path, f"t;R_iso;T\n{units}{rows}"))
+    assert (len(t_ns), same(columns["R_iso"], [np.nan, 85 / times, np.nan, 66 / times, np.nan])) == (5, True)
+    assert (log.settings["bounds"], list(log.rejected)) == ({"R_iso": [cell, 3]}, [])
+
+
 @pytest.mark.parametrize("delimiter", [";", "\t", "  "])
 @pytest.mark.parametrize("late", ["20,5", "-2,5E+01"])
 def test_decimal_commas_may_come_late(tmp_path: Path, delimiter: str, late: str) -> None:

@@ -60,3 +60,14 @@ def test_a_date_that_is_not_understood_is_said_and_kept(
     for words in (["inspect", "run.asc"], ["ingest", "run.asc", "--store", "s"], ["show", "run", "--store", "s"]):
         main(words)
         assert says in " ".join(capsys.readouterr().out.split())
+
+
+def test_readings_beyond_the_range_of_a_meter_are_said_and_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("iso.csv").write_text("t,R_iso,T\n0,>200,20\n60,85,21\n120,> 200,>300\n", encoding="utf-8")
+    says = 'beyond the range of the meter, so no number is known there: R_iso 2 times, as ">200", T once, as ">300"'
+    for words in (["inspect", "iso.csv"], ["ingest", "iso.csv", "--store", "s"], ["show", "iso", "--store", "s"]):
+        assert main(words) == 0
+        assert says in " ".join(capsys.readouterr().out.split())

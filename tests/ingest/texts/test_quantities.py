@@ -30,6 +30,9 @@ def test_importing_the_module_does_not_import_pint() -> None:
         ("lbf ft", "torque", 1.3558179483314004, 0),
         ("in-lb", "torque", 1.3558179483314004 / 12, 0),
         ("tr/mn", "speed", 1.0, 0),
+        ("TΩ", "insulation_resistance", 1e12, 0),
+        ("TOhm", "insulation_resistance", 1e12, 0),
+        ("MOhms", "insulation_resistance", 1e6, 0),
         ("ozf*in", "torque", 0.00706155181422604, 0),
         ("U/min", "speed", 1, 0),  # ... as enzyme activity
         ("1/min", "speed", 1, 0),  # ... as a sixtieth of a hertz

@@ -45,7 +45,8 @@ def test_every_next_command_runs_as_it_is_printed(
     by = followed(begin, capsys)
     assert {verb for verb, said in by.items() if said} >= {words[0] if words else "" for words in begin} | {"show"}
     assert any(one.startswith("whyhot show --store 'the store' '") for said in by.values() for one in said)
-    assert "whyhot repeat &#39;1 s1&#39; 2_s1" in Path("repeat.html").read_text(encoding="utf-8"), "as it was typed"
+    typed = "whyhot repeat --store &#x27;the store&#x27; &#39;1 s1&#39; 2_s1"
+    assert typed in Path("repeat.html").read_text(encoding="utf-8"), "as it was typed"
     (kept,) = (one for one in by["morning"] if one.endswith("--ingest"))
     assert "--bench bench.toml --dbc bench.dbc" in kept, "read as they were looked at"
     put_right = [

@@ -62,7 +62,8 @@ def test_runs_that_repeat_say_so_in_the_report_too(store: Path, tmp_path: Path, 
     assert main(["repeat", "evening_1", "evening_0", "--store", str(store), "--report", str(report)]) == 0
     page = report.read_text(encoding="utf-8").replace("\N{NO-BREAK SPACE}", " ")
     assert page.count("<svg") == 1 and faults(report) == []
-    assert "<code>whyhot lineage evening_1</code>, <code>whyhot lineage evening_0</code>" in page
+    lineage = f"whyhot lineage --store {store}"
+    assert f"<code>{lineage} evening_1</code>, <code>{lineage} evening_0</code>" in page
     assert "evening_0 reads as evening_1 where both were driven alike" in page
     assert "the store knows of nothing that changed" in page
     said = capsys.readouterr().out

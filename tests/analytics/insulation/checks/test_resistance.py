@@ -176,7 +176,7 @@ def test_no_route_says_what_to_add() -> None:
     found = evaluate(alone)
     assert found.resistance_K_per_W is None and found.source is None
     assert found.why == (
-        "iron sensor: no iron temperature: no channel is of region iron; "
+        "iron sensor: no iron temperature: no channel of region iron has one; "
         "first minutes: fewer than 20 min recorded after switching on, or samples more than 60 s apart; "
         "first minutes: fewer than 20 min recorded after switching off, or samples more than 60 s apart; "
         "ambient: no ambient temperature; put a thermocouple on the iron"
@@ -240,6 +240,27 @@ def test_a_dead_thermocouple_is_left_out_and_said() -> None:
     assert [line.split(":")[0] for line in found.left_out] == [whole.copper_names[3]]
 
 
+@pytest.mark.parametrize("irons", [1, 2])
+@pytest.mark.parametrize("how", ["open", "not connected"])
+def test_iron_sensors_that_each_fail_in_one_check_take_the_iron_from_no_other(irons: int, how: str) -> None:
+    whole = [trace(check) for check in stator("monotone").checks]
+    some = [replace(one, iron_degC=one.iron_degC[:, :irons], iron_names=one.iron_names[:irons]) for one in whole]
+    failing = list(some)
+    for k in range(irons):
+        degC, names = failing[2 + k].iron_degC, failing[2 + k].iron_names
+        rest = [i for i in range(irons) if i != k]
+        lost = {"iron_degC": degC[:, rest], "iron_names": tuple(names[i] for i in rest)}
+        opened = {"iron_degC": np.where(np.arange(irons) == k, np.nan, degC)}
+        failing[2 + k] = replace(failing[2 + k], **(opened if how == "open" else lost))
+    first = [replace(one, iron_degC=one.iron_degC[:, :1], iron_names=one.iron_names[:1]) for one in whole]
+    found, expected = evaluate_together(failing), evaluate_together(first)
+    assert [one.source for one in found] == ["iron sensor" if k != 2 else None for k in range(len(whole))]
+    for k, one in enumerate(found):
+        if k != 2:
+            assert one.resistance_K_per_W == pytest.approx(expected[k].resistance_K_per_W, rel=0.01)
+    assert "no iron temperature" in (found[2].why or "")
+
+
 def test_a_thermocouple_that_fails_in_one_check_is_left_out_of_all() -> None:
     checks = stator("none").checks
     whole = [trace(check) for check in checks]
@@ -263,7 +284,7 @@ def test_checks_of_one_specimen_never_mix_routes() -> None:
     ("changed", "why"),
     [
         ({"copper_degC": np.zeros((400, 0)), "copper_names": ()},
-            "no copper temperature: no channel is of region copper"),
+            "no copper temperature: no channel of region copper has one"),
         ({"copper_degC": np.full((400, 2), np.nan)}, "no copper temperature can be believed"),
         ({"power_W": np.zeros(400)}, "power is not above zero"),
         ({"power_W": np.full(400, np.nan)}, "power and temperatures are never there together"),

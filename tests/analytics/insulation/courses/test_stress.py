@@ -42,6 +42,15 @@ def test_cycles_of_one_length_cannot_tell_them_apart() -> None:
     assert second.effect == pytest.approx(12.0 * (first.effect or 0.0)), "each is given as if it were all"
 
 
+def test_cycles_of_another_length_in_each_oven_do_not_tell_what_each_specimens_own_rate_may_be() -> None:
+    names, hours, cycles = campaign([48.0] * 10, 12)
+    oven = np.array([int(name[1:]) % 3 for name in names])
+    hours = hours * np.array([1.0, 2.0, 3.5])[oven] * (1.0 + 1e-5 * RNG.standard_normal(len(hours)))
+    y = np.array([2e-3, 1e-3, 0.5e-3])[oven] * hours + RNG.normal(0.0, 0.005, len(hours))
+    first, second = effects(names, y, np.full(len(y), 0.005), {"hours": hours, "cycles": cycles})
+    assert (first.not_told_from, second.not_told_from) == (("cycles",), ("hours",))
+
+
 def test_discharge_is_told_from_hours_and_cycles_that_are_one_column() -> None:
     names, hours, cycles = campaign([12.0] * 8)
     late = np.isin(names, ["S0", "S2", "S4"])

@@ -180,6 +180,14 @@ def test_a_pause_of_the_log_at_the_foot_is_no_heating() -> None:
     assert found.heating_from_s == t_s[70]
 
 
+def test_a_pause_of_the_log_at_the_foot_is_no_cooling() -> None:
+    soak = np.concatenate([np.linspace(20.0, 230.0, 90), np.full(600, 230.0)])
+    cooling = np.concatenate([np.linspace(230.0, 28.0, 60), np.full(20, 20.0), np.linspace(20.0, 230.0, 90)])
+    t_s = 60.0 * np.concatenate([np.arange(750), 750 + 30 * 60 + np.arange(110)])
+    found, _ = cycles(t_s, np.concatenate([soak, cooling]))
+    assert (found.cooling_to_s, found.unknown_h) == (t_s[749], 0.0)
+
+
 def test_a_check_that_stays_cold_counts_exactly_nothing() -> None:
     rng = np.random.default_rng(5)
     for _ in range(20):

@@ -186,7 +186,7 @@ def test_the_terminal_says_which_meters_are_off_and_the_report_heat_and_derating
 ) -> None:
     assert main(["replay", "--store", str(bench / "store")]) == 0
     text = " ".join(capsys.readouterr().out.split())
-    assert "hottest by the model: winding" in text
+    assert "hottest by model, 95 %: winding" in text
     assert re.search(r" P_el [\d.]+ W of [\d,]+ W \(within its floor\); ", text)
     page = tmp_path / "report.html"
     assert main(["report", "1_run", "--store", str(bench / "store"), "--out", str(page)]) == 0

@@ -102,7 +102,7 @@ def test_the_terminal_says_the_band_and_the_report_what_it_holds(
         assert main(["replay", "2_kept", *words, "--store", str(bench / "store")]) == 0
         said = " ".join(capsys.readouterr().out.split())
         low, high = _spots(bench, *words)["winding"]["ci95_degC"]
-        assert re.search(rf"hottest by the model: winding \d+ °C \({low:.0f} to {high:.0f}\)", said)
+        assert re.search(rf"hottest by model, 95 %: winding \d+ °C \({low:.0f} to {high:.0f}\)", said)
         (run,) = json.loads((bench / "run.json").read_text(encoding="utf-8"))["runs"]
         assert holds in " ".join(heat_says(read(run)))
 

@@ -17,5 +17,5 @@ def test_a_picture_that_is_no_svg_is_refused_before_anything_is_read(
         main(["envelope", "--on", "1_s1", "--out", str(tmp_path / name), "--store", str(tmp_path / "none")])
     assert refused.value.code == 2
     said = capsys.readouterr().err
-    assert f"--out writes an SVG, and a .png beside it: end {tmp_path / name} in .svg" in said
+    assert f'argument -o/--out: an SVG is written, and a .png beside it: end "{tmp_path / name}" in .svg' in said
     assert not list(tmp_path.iterdir())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from replay.show.plots.ageing_plots import courses, forest
 from replay.show.plots.lives_plots import arrhenius, left, survival
 from replay.show.reports.ageing_report import courses_title, write_ageing_report
 from replay.show.reports.report import ReportContext
+from replay.show.verbs.ageing import ageing_text
 from replay.studies.ageing.assessment import AssessedLives, OneLife
 
 CONTEXT = ReportContext(command="whyhot ageing", store_head="4f0c91", versions={"whyhot": "0.1.0"})
@@ -28,6 +30,13 @@ def test_the_page_answers_first_and_a_hostile_name_is_only_shown(tmp_path: Path)
     assert "S00 (B1): rises steadily" in page, "the words of the table below the picture"
     for section in ("Courses", "Specimens and batches", "Lives", "Every specimen", "What it rests on"):
         assert f">{section}</h2>" in page
+
+
+def test_what_is_not_kept_names_no_command_that_would_find_it(tmp_path: Path) -> None:
+    for kept in (True, False):
+        write_ageing_report(aged(), tmp_path / "ageing.html", CONTEXT, kept)
+        page = (tmp_path / "ageing.html").read_text(encoding="utf-8")
+        assert ("whyhot lineage" in page) == ("whyhot sql" in ageing_text(aged(), kept)) == kept
 
 
 def test_the_criterion_is_drawn_where_a_course_comes_near_it_and_told_where_not() -> None:
@@ -50,6 +59,21 @@ def test_the_forest_lists_every_specimen_under_its_batch_the_worst_batch_first()
     assert [row[1] for row in plot.table.rows] == ["B1"] * 4 + ["B2"] * 4
     assert "+5.1 sd" in plot.svg
     assert forest(assessment(course("alone", 9.0))) is None
+
+
+@pytest.mark.parametrize(
+    ("many", "title"),
+    [
+        (0, "No specimen deteriorates faster than the others beyond chance"),
+        (1, "S00 deteriorates faster than the others"),
+        (2, "S00 and S01 deteriorate faster than the others"),
+        (6, "6 specimens deteriorate faster than the others"),
+    ],
+)
+def test_the_forest_says_who_deteriorates_faster(many: int, title: str) -> None:
+    found = assessment(*(replace(course(f"S{i:02}", 9.0), outlying=i < many) for i in range(8)))
+    plot = forest(found)
+    assert plot is not None and plot.title == title
 
 
 def test_a_life_that_is_not_over_is_an_arrow_and_no_life_is_no_picture() -> None:

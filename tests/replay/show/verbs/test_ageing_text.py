@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from ingest.facts.archive import Archive
-from made.ageing import STILL, WORSE, assessment
+from made.ageing import STILL, WORSE, aged, assessment
 from replay.engine.specimen.heat_history import HoursByTemperature
 from replay.show.verbs.ageing import ageing_text, answer, course, slope
 from replay.studies.ageing.assessment import AgeingLaw, Assessment, Batch, HotHours, StressEffect, document, read
@@ -138,3 +138,20 @@ def test_an_assessment_survives_its_json_and_its_tables_hold_every_check(tmp_pat
     assert made["checks"].num_rows == 4
     assert made["checks"].column("equivalent_high_h").to_pylist()[1] == 3900.0
     assert made["specimens"].column("life_used_low").to_pylist() == [0.06, 0.06]
+
+
+@pytest.mark.parametrize("columns", ["60", "80", "100"])
+def test_no_course_is_cut_in_a_narrow_terminal(columns: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", columns)
+    dips, same = (replace(one, batch=None) for one in (replace(WORSE, form="dip_then_rise"), STILL))
+    lines = ageing_text(assessment(dips, same)).splitlines()
+    head, *rows = (line for line in lines if line.startswith(("Specimen", "S0")) and "  " in line)
+    assert "falls, rises" in rows[0] and "no change" in rows[1]
+    assert "batch" not in head, "no specimen has one"
+    assert max(map(len, lines)) <= int(columns)
+
+
+def test_what_lives_tell_is_of_half_of_the_specimens_and_says_what_its_ranges_are() -> None:
+    said = flat(aged())
+    assert "half of the specimens reach conductivity −50 % by 6,000 (4,000 to ?) h at 180 °C" in said
+    assert "with 1.20 (0.90 to 1.50) eV, in brackets 95 %; three temperatures are needed" in said

@@ -129,7 +129,7 @@ def session(name: str, kind: str, start_h: float, hours: float = 10.0) -> Sessio
 def test_without_an_inception_voltage_before_it_a_test_counts_no_hours_and_says_so() -> None:
     sessions = [session("dc_1", "dc_check", 0), session("oven", "ageing", 10), session("ie", "insulation_check", 30)]
     sessions += [session("dc_2", "dc_check", 40)]
-    said = {"oven-id": Electrical(a_test(sessions[1], 1000.0), None), "ie-id": Electrical(None, 900.0)}
+    said = {"oven-id": Electrical(a_test(sessions[1], 1000.0)), "ie-id": Electrical(None, ((30 * HOUR_NS, 900.0),))}
     found = discharge_of(sessions, True, said)
     assert [found.before[one.session] for one in sessions] == [0.0, 0.0, None, None]
     assert "session oven has a test voltage, and no inception voltage was measured before it" in (found.why or "")
@@ -144,9 +144,9 @@ def test_the_last_inception_voltage_counts_and_a_test_that_goes_on_counts_up_to_
         session("oven_2", "ageing", 40),
         session("dc_2", "dc_check", 60),
     ]
-    said = {"ie_1-id": Electrical(None, 1200.0), "ie_2-id": Electrical(None, 900.0)}
-    quiet = said | {name: Electrical(a_test(one, 1000.0), None) for name, one in ovens(sessions).items()}
-    loud = said | {name: Electrical(a_test(one, 1300.0), None) for name, one in ovens(sessions).items()}
+    said = {"ie_1-id": Electrical(None, ((0, 1200.0),)), "ie_2-id": Electrical(None, ((30 * HOUR_NS, 900.0),))}
+    quiet = said | {name: Electrical(a_test(one, 1000.0)) for name, one in ovens(sessions).items()}
+    loud = said | {name: Electrical(a_test(one, 1300.0)) for name, one in ovens(sessions).items()}
     assert discharge_of(sessions, True, quiet).before["dc_2-id"] == pytest.approx(10.0), (
         "900 V was measured before oven_2"
     )
@@ -167,7 +167,23 @@ def test_a_voltage_that_cannot_discharge_in_air_asks_for_no_inception_voltage(
         spec=SPEC, t_ns=t_ns, value=values, record=np.arange(len(t_ns)), raw=np.zeros(len(t_ns), np.int64), raws=("a",)
     )  # fmt: skip
     assert (electrical_of(one, [channel]).tested is not None) == asked
-    assert electrical_of(one, [replace(channel, spec=replace(SPEC, quantity="inception_voltage"))]).inception_V == volts
+    checked = electrical_of(one, [replace(channel, spec=replace(SPEC, quantity="inception_voltage"))])
+    assert checked.inceptions == ((0, volts),)
+
+
+def test_of_a_table_of_checks_each_test_has_the_inception_voltage_that_was_measured_before_it() -> None:
+    table, after = session("ie", "insulation_check", 0, 50), session("dc", "dc_check", 60)
+    first, second = session("oven_1", "ageing", 10), session("oven_2", "ageing", 40)
+    values = [1210.0, 1190.0, 900.0, 910.0, 905.0]
+    t_ns = np.array([0, 0.1, 30, 30.1, 30.2]) * HOUR_NS
+    channel = ChannelData(
+        spec=replace(SPEC, quantity="inception_voltage"), t_ns=t_ns.astype(np.int64), value=np.array(values),
+        record=np.arange(5), raw=np.zeros(5, np.int64), raws=("a",),
+    )  # fmt: skip
+    said = {table.session: electrical_of(table, [channel])}
+    assert said[table.session].inceptions == ((0, 1200.0), (30 * HOUR_NS, 905.0))
+    said |= {one.session: Electrical(a_test(one, 1000.0)) for one in (first, second)}
+    assert discharge_of([table, first, second, after], True, said).before[after.session] == pytest.approx(10.0)
 
 
 def ovens(sessions: list[SessionRecorded]) -> dict[str, SessionRecorded]:

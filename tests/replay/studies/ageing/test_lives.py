@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -86,3 +87,19 @@ def test_where_nobody_has_reached_the_criterion_there_is_no_law() -> None:
 def test_a_specimen_whose_temperature_is_not_known_has_no_life() -> None:
     some = history(230.0, 1000.0)
     assert lives({"S": History(points=some.points)}).lives == []
+
+
+def test_rows_of_a_table_that_say_their_temperature_have_lives() -> None:
+    whole = history(230.0, 400.0)
+    said = [228.8, 231.2] * 15
+    points = [at(one, degC) for one, degC in zip(whole.points, said, strict=True)]
+    found = lives_of({"S": History(points=points)}, {"S": [0.02] * len(points)}, "half")
+    logged = lives_of({"S": whole}, {"S": [0.02] * len(points)}, "half")
+    assert found.lives == logged.lives and found.lives[0].degC == 230.0
+    unsaid = History(points=[at(one, None) for one in points])
+    assert lives_of({"S": unsaid}, {"S": [0.02] * len(points)}, "half").lives == []
+
+
+def at(point: Point, degC: float | None) -> Point:
+    assert isinstance(point.found, Evaluated)
+    return replace(point, found=replace(point.found, degC=degC))

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from analytics import warehouse
+from analytics.insulation.dose.arrhenius import Activation
 from ingest.facts import facts
 from ingest.facts.events import SessionRecorded
 from ingest.facts.store import Store
@@ -223,7 +224,7 @@ def test_of_a_large_fleet_the_answer_holds_those_that_stand_out_most_and_counts_
     text = page.read_text(encoding="utf-8")
     assert "The 10 specimens that stand out most</h2>" in text and "LIMIT 100 OFFSET 100" in text
     assert f"All 80 specimens: where their {checks:,} checks lie" in text
-    assert f"<code>whyhot lineage {last.assessment}</code>" in text
+    assert f"<code>whyhot lineage --store {tables / 'store'} {last.assessment}</code>" in text
 
 
 def test_a_density_is_of_a_fleet_whose_courses_cannot_be_told_apart() -> None:
@@ -335,9 +336,70 @@ def _refused(capsys: Capture, *words: str) -> str:
     return line
 
 
+@pytest.mark.parametrize("name", [".", "..", "", "/", "x.pdf"])
+def test_a_picture_that_is_no_svg_is_refused_in_one_line(tmp_path: Path, capsys: Capture, name: str) -> None:
+    with pytest.raises(SystemExit):
+        main(["ageing", "--store", str(tmp_path), "--out", name])
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f'an SVG is written, and a .png beside it: end "{name}" in .svg' in line
+
+
 def test_a_store_without_checks_is_refused_in_one_line(tmp_path: Path, capsys: Capture) -> None:
     with Store.open(tmp_path / "store", create=True):
         pass
     line = _refused(capsys, "ageing", "--store", str(tmp_path / "store"))
     assert "no DC check" in line
     assert "thermal_resistance" in line
+
+
+HOT = """
+[[channel]]
+signal = "T_age"
+quantity = "temperature"
+unit = "degC"
+node = "winding"
+"""
+
+
+def test_hours_of_different_ovens_and_names_that_differ_in_case_are_told(tmp_path: Path) -> None:
+    bench = (EXAMPLES / "insulation" / "fleet" / "bench.toml").read_text(encoding="utf-8")
+    (tmp_path / "bench.toml").write_text(bench + HOT, encoding="utf-8")
+    rows = [
+        f"{name},{oven},{dose},{0.02 + 1e-6 * dose * (oven - 190)},{oven}"
+        for name, oven in (("M1", 230), ("M2", 230), ("m 1", 200), ("M4", 200))
+        for dose in (0, 50, 100)
+    ]
+    (tmp_path / "checks.csv").write_text("\n".join(["serial,batch,dose_h,R_th,T_age", *rows, ""]), encoding="utf-8")
+    _taken_in([["ingest", str(tmp_path / "checks.csv"), "--bench", str(tmp_path / "bench.toml")]], tmp_path / "store")
+    case, heat = _asked(tmp_path / "store")["notes"]
+    assert case.startswith("M1 and m 1 are counted as 2 specimens: ")
+    one_hour = [float(Activation(0.9).acceleration(degC, 180.0)) for degC in (200.0, 230.0)]
+    assert f"was worth {one_hour[0]:.1f} h at 180 °C for M4 and {one_hour[1]:.1f} h for M1." in heat
+
+
+def test_hours_of_an_oven_that_its_log_does_not_show_are_told(tmp_path: Path) -> None:
+    plan = Plan(stators=1, cycles=2, forms=("none",), early_stops=0.0, dead=0.0, electrical=False)
+    written = insulation_campaign.write(tmp_path / "logs", seed=4, plan=plan)
+    log = tmp_path / "logs" / "S01" / "oven_02.csv"
+    lines = log.read_text(encoding="cp1252").splitlines(keepends=True)
+    middle = len(lines) // 2
+    log.write_text("".join([*lines[: middle - 60], *lines[middle + 60 :]]), encoding="cp1252")
+    _taken_in(written.ingest, tmp_path / "store")
+    (note,) = _asked(tmp_path / "store")["notes"]
+    assert note.startswith("S01: 2.0 h of its oven cycles are in gaps of the logs and count in no dose: ")
+
+
+def test_a_stator_that_was_varnished_again_fits_no_form_and_is_told(tmp_path: Path) -> None:
+    bench = str(EXAMPLES / "insulation" / "fleet" / "bench.toml")
+    dose = np.arange(0.0, 200.0, 20.0)
+    rest = {f"M{k}": dose for k in range(2, 9)}
+    rows = [
+        f"{name},B1,{h},{0.02 * np.exp(0.004 * since + 0.01 * (-1) ** k):.6f}"
+        for name, hours in {"M1": dose % 100.0, **rest}.items()
+        for k, (h, since) in enumerate(zip(dose, hours, strict=True))
+    ]
+    (tmp_path / "checks.csv").write_text("\n".join(["serial,batch,dose_h,R_th", *rows, ""]), encoding="utf-8")
+    _taken_in([["ingest", str(tmp_path / "checks.csv"), "--bench", bench]], tmp_path / "store")
+    (note,) = _asked(tmp_path / "store")["notes"]
+    assert note.startswith("M1: its checks are off the most probable course by ")
+    assert "R changes most, by −29 %, between 80 h and 100 h. If it was repaired there" in note

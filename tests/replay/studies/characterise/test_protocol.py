@@ -179,8 +179,8 @@ def test_the_report_asks_for_nothing_and_shows_every_part(bench: Path, answer: M
         "Fitted parameters",
     ):
         assert re.search(f"<h2( id=[^>]*)?>{heading}</h2>", page)
-    (calibration,) = re.findall("<code>whyhot lineage ([^<]+)</code>", page)
-    assert main(["lineage", calibration, "--store", str(bench / "store")]) == 0
+    (lineage,) = re.findall("<code>whyhot (lineage [^<]+)</code>", page)
+    assert f" --store {bench / 'store'} " in lineage and main(lineage.split()) == 0
     assert answer["model"][:12] in page
     assert page.count("<svg") >= 4
 
