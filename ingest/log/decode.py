@@ -78,9 +78,8 @@ def decode_file(
     """Decode `folder / "recording.mcap"` into Parquet files beside it, one for each group; the event says what came.
 
     `raw` is the SHA-256 of the log and `name` its name, `model` the SHA-256 of the motor file, `channels` are those of
-    `bench`, resolved. The
-    same inputs give the same bytes. Raises BenchFileError where the bench file does not fit the log, DamageError
-    where the recording is damaged, and IngestError where records were lost.
+    `bench`, resolved. The same inputs give the same bytes. Raises BenchFileError where the bench file does not fit the
+    log, DamageError where the recording is damaged, and IngestError where records were lost.
     """
     path = folder / RECORDING
     messages, notes = merged(databases)

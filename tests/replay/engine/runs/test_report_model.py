@@ -79,7 +79,8 @@ def test_a_report_shows_the_replay_with_the_current_model_and_with_a_model_those
     assert reported(bench, capsys, "--model", old[:8]) == {"1_first": old, "2_second": old}
     assert reported(bench, capsys, "1_first", "--model", str(bench / "motor.toml")) == {"1_first": old}
     assert reported(bench, capsys, "--model", str(bench / "hotter.toml")) == {"1_first": hotter}
-    assert f"whyhot report --model {bench / 'hotter.toml'}" in (bench / "report.html").read_text(encoding="utf-8")
+    again = f"whyhot report --store {bench / 'store'} --model {bench / 'hotter.toml'}"
+    assert again in (bench / "report.html").read_text(encoding="utf-8")
 
 
 def test_a_model_that_a_session_was_not_replayed_with_is_refused(

@@ -51,7 +51,7 @@ def test_a_change_is_a_page_with_every_number_down_to_its_records(
     assert told and all(abs(fell - better) < 0.05 for fell, better in told), "figures of a row add up"
     one = next(one for one in found["readings"] if one["channel"] == "TC_magnet")
     lineage = f"{one['runs'][0]}/TC_magnet"
-    assert f"whyhot lineage {lineage}" in text
+    assert f"whyhot lineage --store {store[1]} {lineage}" in text
     assert main(["lineage", lineage, *store, "--json", str(target)]) == 0
     (point,) = json.loads(target.read_text(encoding="utf-8"))["points"]
     assert point["residual_K"] == pytest.approx(one["before_K"], abs=1e-9)
