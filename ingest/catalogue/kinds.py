@@ -114,7 +114,7 @@ def _block_s(channels: Sequence[ChannelData]) -> int:
 
 def _begun(channels: Sequence[ChannelData]) -> list[ChannelData]:
     """The channels up to LONGEST_s after the last of them began."""
-    end_ns = max(int(one.t_ns[0]) for one in channels) + LONGEST_s * 1_000_000_000
+    end_ns = max(int(one.t_ns[0]) for one in channels) + LONGEST_s * SECOND_NS
     return [one.samples(slice(int(np.searchsorted(one.t_ns, end_ns)))) for one in channels]
 
 

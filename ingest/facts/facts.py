@@ -31,6 +31,7 @@ from ingest.facts.ledger_row import Recorded
 from ingest.facts.lookups import Lookup, Sessions, View, Whole
 from ingest.facts.sessions import order
 from ingest.facts.standing import Retraction, RowsOfLog, holds, rows_of, standing
+from ingest.texts.names import first_of
 from ingest.texts.nearest import nearest
 
 if TYPE_CHECKING:
@@ -140,8 +141,7 @@ class Facts:
     def _of(self, sessions: Sequence[str]) -> str:
         """The ids of some sessions, each with its specimen, the first `NAMED` of them."""
         of = {one.session: f"{one.session} ({one.specimen})" for one in self.sessions if one.specimen}
-        more = f" and {len(sessions) - NAMED:,} more" if len(sessions) > NAMED else ""
-        return ", ".join(of.get(one, one) for one in sessions[:NAMED]) + more
+        return first_of([of.get(one, one) for one in sessions], NAMED)
 
     def taken_back(self, text: str) -> str | None:
         """The line of a session that went with what was taken back, None where there is none of this id or name."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from ingest.errors import CorrectionError, UnknownSessionError
 from ingest.facts.facts import NAMED, Facts
 from ingest.facts.standing import KINDS
-from ingest.texts.names import handle, is_called
+from ingest.texts.names import first_of, handle, is_called
 from ingest.texts.nearest import hint
 
 LISTED = ' `whyhot sessions` lists sessions, `whyhot sql "SELECT name FROM files"` logs'
@@ -104,11 +104,8 @@ def _only(there: Iterable[NamedFact], text: str) -> NamedFact | None:
     by_id = [one for one in there if is_called(one.key, key)]
     found = [one for one in there if one.name == text] or by_id
     if len(found) > 1:
-        which = ", ".join(
-            f"{one.kind} {handle(one.key)}{f' ({one.specimen})' if one.specimen else ''}" for one in found[:NAMED]
-        )
-        more = f" and {len(found) - NAMED:,} more" if len(found) > NAMED else ""
-        raise CorrectionError(f"{text}: is more than one: {which}{more}: give its id")
+        which = [f"{one.kind} {handle(one.key)}{f' ({one.specimen})' if one.specimen else ''}" for one in found]
+        raise CorrectionError(f"{text}: is more than one: {first_of(which, NAMED)}: give its id")
     return found[0] if found else None
 
 

@@ -15,6 +15,7 @@ from ingest.facts.store import Store
 from ingest.formats import REMOTE, Frames, Rows, open_log, recognise
 from ingest.intake.setup import sealed_setup
 from ingest.log.recording import id_text
+from ingest.texts.names import first_of
 from ingest.texts.times import to_second
 
 CELLS = 8  # of a row that are shown
@@ -87,5 +88,4 @@ def _read(batch: Frames | Rows, i: int) -> tuple[int, str]:
         payload = "remote frame" if batch.flags[i] & REMOTE else data.hex(" ") or "no payload"
         return t_ns, f"{id_text(int(batch.bus[i]), int(batch.can_id[i]))}: {payload}"
     cells = [f"{name} {values[i]}" for name, values in batch.columns.items()]
-    more = f" and {len(cells) - CELLS} more" if len(cells) > CELLS else ""
-    return t_ns, ", ".join(cells[:CELLS]) + more
+    return t_ns, first_of(cells, CELLS)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from ingest.facts.events import QualityFlagged
+from ingest.texts.names import first_of
 
 SHEETS, TEXTS, BOUNDS = "sheets_unread", "numbers_as_text", "bounds_missing"
 TIMES, DATE = "time_either", "date_unread"
@@ -37,16 +38,12 @@ def findings(name: str, settings: Mapping[str, Any]) -> list[QualityFlagged]:
     if differ := settings.get(MESSAGES):
         told[MESSAGES] = differ
     if names := settings.get(CHANNELS):
-        says = f"holds frames and measured channels: these are not read ({_some(names)})"
+        says = f"holds frames and measured channels: these are not read ({first_of(names, SHOWN)})"
         told[CHANNELS] = f"{says}: export them as a file of their own"
     if laws := settings.get(LAWS):
-        told[LAWS] = f"left out: {_some([f'{name}: {why}' for name, why in laws.items()], '; ')}"
+        told[LAWS] = f"left out: {first_of([f'{name}: {why}' for name, why in laws.items()], SHOWN, '; ')}"
     if names := settings.get(SCALES):
-        told[SCALES] = f"its scaling cannot be read of {_some(names)}: the values are as stored, and no quantity"
+        told[SCALES] = (
+            f"its scaling cannot be read of {first_of(names, SHOWN)}: the values are as stored, and no quantity"
+        )
     return [QualityFlagged(flag=flag, says=f"{name}: {says}", detail={"file": name}) for flag, says in told.items()]
-
-
-def _some(names: Sequence[str], between: str = ", ") -> str:
-    """ "a, b and 3 more"."""
-    more = f" and {len(names) - SHOWN:,} more" if len(names) > SHOWN else ""
-    return f"{between.join(names[:SHOWN])}{more}"

@@ -1,4 +1,4 @@
-"""Names that must differ, and ids that are called by their beginning."""
+"""Names that must differ, ids that are called by their beginning, and lists of many."""
 
 from __future__ import annotations
 
@@ -13,6 +13,16 @@ def handle(key: str) -> str:
 def is_called(key: str, text: str) -> bool:
     """Whether a text is an id, or a beginning of it that nobody types by chance."""
     return len(text) >= 4 and key.startswith(text.lower())
+
+
+def first_of(names: Sequence[str], most: int, between: str = ", ") -> str:
+    """The first `most` names, and how many more there are.
+
+    >>> first_of(["a", "b", "c", "d"], 2)
+    'a, b and 2 more'
+    """
+    more = f" and {len(names) - most:,} more" if len(names) > most else ""
+    return f"{between.join(names[:most])}{more}"
 
 
 def each_once(names: Sequence[str]) -> tuple[str, ...]:
