@@ -2,8 +2,9 @@
 
 Within a file these are values of a channel that a record before has at the same stamp of the session: specimens of a
 table have sessions of their own. Between files of a session that overlap in time (a log that grew and came again, two
-loggers of one channel) they are values that another file has at the same stamp: the file that begins first counts, of
-two that begin together the longer one. Files are read only where they share a channel, and only where they overlap.
+loggers of one channel, one log in two formats) they are values at the same stamp, or while the other file goes on:
+that with less time between its records counts, else the one that begins first, of two that begin together the longer
+one (as `ingest.catalogue.at_once` has it). Files are read only where they share a channel, and only where they overlap.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from analytics.scans import Schema, Schemas, column_names, name, text
+from ingest.catalogue.at_once import GAP_MEDIANS, LOGGED_NS
 
 if TYPE_CHECKING:
     import duckdb
@@ -23,11 +25,16 @@ SELECT g.file, list((c.channel, c.column_name) ORDER BY c.place)
 FROM base.groups AS g JOIN base.channels AS c ON c.decode = g.decode AND c.group_name = g.group_name
 WHERE g.doubled GROUP BY g.file ORDER BY g.file
 """
-# The two files, from when to when, (channel, its column in each) of what both have, and all columns of the later one.
+# Two files, the one that begins first before the other; from when to when; (channel, its column in each) of what both
+# have; and all columns of each.
 OVERLAPS = """
 WITH held AS (SELECT DISTINCT session, decode FROM base.session_files)
 SELECT
     fa.file, fb.file, first_ns, last_ns, list((a.channel, a.column_name, b.column_name) ORDER BY a.place),
+    (
+        SELECT list(c.column_name ORDER BY c.place) FROM base.channels AS c
+        WHERE c.decode = before AND c.group_name = fa.group_name
+    ),
     (
         SELECT list(c.column_name ORDER BY c.place) FROM base.channels AS c
         WHERE c.decode = after AND c.group_name = fb.group_name
@@ -45,7 +52,7 @@ JOIN base.channels AS a ON a.decode = before
 JOIN base.channels AS b ON b.decode = after AND b.channel = a.channel
 JOIN base.groups AS fa ON fa.decode = before AND fa.group_name = a.group_name
 JOIN base.groups AS fb ON fb.decode = after AND fb.group_name = b.group_name
-GROUP BY fa.file, fb.file, first_ns, last_ns, after, fb.group_name
+GROUP BY fa.file, fb.file, first_ns, last_ns, before, after, fa.group_name, fb.group_name
 ORDER BY fa.file, fb.file
 """
 
@@ -62,18 +69,56 @@ def find(connection: duckdb.DuckDBPyConnection, schemas: Schemas) -> None:
             f"PARTITION BY {name(SESSION)}, t_ns ORDER BY record ROWS BETWEEN UNBOUNDED PRECEDING AND 1 PRECEDING) "
             "QUALIFY row_number() OVER here > 1)"
         )
-    for before, file, first_ns, last_ns, shared, columns in connection.execute(OVERLAPS).fetchall():
-        a, b = _has(schemas[before], "a"), _has(schemas[file], "b")
-        too = {other: a[one] for _, one, other in shared if one in a and other in b}
-        channel = {other: channel for channel, _, other in shared}
-        within = f"v.t_ns BETWEEN {first_ns} AND {last_ns}"
-        if too:
-            connection.execute(
-                f"INSERT INTO base.doubled SELECT DISTINCT {text(file)}, b.record, "
-                f"unnest({_twice(b, too, [(channel.get(column), column) for column in columns])}) "
-                f"FROM ({_scan(before)} AND {within}) AS a JOIN ({_scan(file)} AND {within}) AS b "
-                f"ON a.{name(SESSION)} = b.{name(SESSION)} AND a.t_ns = b.t_ns"
-            )
+    steps_ns: dict[str, float] = {}
+    for one, other, first_ns, last_ns, shared, of_one, of_other in connection.execute(OVERLAPS).fetchall():
+        for file in {one, other} - steps_ns.keys():
+            steps_ns[file] = _step_ns(connection, file)
+        if steps_ns[one] <= steps_ns[other]:
+            _beside(connection, schemas, (one, other), (first_ns, last_ns), shared, of_other, steps_ns)
+        else:
+            turned = [(channel, second, first) for channel, first, second in shared]
+            _beside(connection, schemas, (other, one), (first_ns, last_ns), turned, of_one, steps_ns)
+
+
+def _beside(
+    connection: duckdb.DuckDBPyConnection,
+    schemas: Schemas,
+    files: tuple[str, str],
+    span_ns: tuple[int, int],
+    shared: Sequence[tuple[str, str, str]],
+    columns: Sequence[str],
+    steps_ns: Mapping[str, float],
+) -> None:
+    """Add what the second of two files says beside the first; `columns`: all of the second."""
+    counts, file = files
+    a, b = _has(schemas[counts], "a"), _has(schemas[file], "b")
+    too = {other: a[one] for _, one, other in shared if one in a and other in b}
+    if not too:
+        return
+    channel = {other: channel for channel, _, other in shared}
+    within = f"v.t_ns BETWEEN {span_ns[0]} AND {span_ns[1]}"
+    gap_ns = GAP_MEDIANS * steps_ns[counts] if steps_ns[file] <= LOGGED_NS else 0
+    session = name(SESSION)
+    connection.execute(
+        f"WITH first AS MATERIALIZED ({_scan(counts)} AND {within}), second AS ({_scan(file)} AND {within}), "
+        f"stamps AS (SELECT {session}, t_ns, lead(t_ns) OVER (PARTITION BY {session} ORDER BY t_ns) AS next_ns "
+        f"FROM (SELECT DISTINCT {session}, t_ns FROM first)) "
+        f"INSERT INTO base.doubled SELECT DISTINCT {text(file)}, b.record, "
+        f"unnest({_twice(b, too, [(channel.get(column), column) for column in columns])}) "
+        f"FROM second AS b ASOF JOIN stamps AS s ON b.{session} = s.{session} AND b.t_ns >= s.t_ns "
+        f"JOIN first AS a ON a.{session} = s.{session} AND a.t_ns = s.t_ns "
+        f"WHERE b.t_ns = s.t_ns OR s.next_ns - s.t_ns <= {gap_ns:.0f}"
+    )
+
+
+def _step_ns(connection: duckdb.DuckDBPyConnection, file: str) -> float:
+    """The median interval between the stamps of a file [ns]; infinite with one of them."""
+    session = name(SESSION)
+    found = connection.execute(
+        f"SELECT median(step_ns) FROM (SELECT t_ns - lag(t_ns) OVER (PARTITION BY {session} ORDER BY t_ns) AS step_ns "
+        f"FROM (SELECT DISTINCT {session}, t_ns FROM ({_scan(file)})))"
+    ).fetchone()
+    return float("inf") if found is None or found[0] is None else float(found[0])
 
 
 def _twice(has: Mapping[str, str], too: Mapping[str, str], own: Sequence[tuple[str | None, str]]) -> str:

@@ -5,7 +5,7 @@ WITH steps AS MATERIALIZED (
         lead(value) OVER series AS next,
         lead(t_s) OVER series - t_s AS step_s
     FROM samples
-    WHERE quantity = 'temperature'
+    WHERE quantity = 'temperature' AND NOT doubled
       AND (session = session_or_name OR session_name = session_or_name)
     WINDOW series AS (PARTITION BY session, channel ORDER BY t_s, record)
 ),

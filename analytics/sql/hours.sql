@@ -12,7 +12,7 @@ hottest AS MATERIALIZED (  -- found first: the steps of one channel are put in o
     SELECT v.session, v.channel, max(v.value) AS highest
     FROM main.samples AS v
     JOIN wanted AS w ON w.session = v.session AND w.channel = v.channel
-    WHERE v.quantity = 'temperature' AND v.region IS DISTINCT FROM 'boundary'  -- so that other columns are not read
+    WHERE v.quantity = 'temperature' AND v.region IS DISTINCT FROM 'boundary' AND NOT v.doubled  -- so that other columns are not read
     GROUP BY v.session, v.channel
     QUALIFY row_number() OVER (PARTITION BY v.session ORDER BY highest DESC, v.channel) = 1
 ),
@@ -23,7 +23,7 @@ steps AS MATERIALIZED (
         lead(v.t_s) OVER series - v.t_s AS step_s
     FROM main.samples AS v
     JOIN hottest AS h ON h.session = v.session AND h.channel = v.channel
-    WHERE v.quantity = 'temperature' AND v.region IS DISTINCT FROM 'boundary'
+    WHERE v.quantity = 'temperature' AND v.region IS DISTINCT FROM 'boundary' AND NOT v.doubled
     WINDOW series AS (PARTITION BY v.session ORDER BY v.t_s, v.record)
 ),
 gaps AS (

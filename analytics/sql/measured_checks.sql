@@ -17,6 +17,7 @@ measured AS (
     JOIN wanted AS w ON w.session = v.session AND w.channel = v.channel
     WHERE w.what IN ('copper', 'iron', 'power', 'current', 'voltage')
       AND v.quantity IN ('temperature', 'power', 'current', 'current_dc', 'voltage', 'voltage_dc')
+      AND NOT v.doubled
 ),
 load AS (  -- the channel that tells when the load is on: current, else power; of several the largest
     SELECT session, channel, quantile_cont(abs(value), 0.995) / 2 AS half

@@ -9,7 +9,7 @@ SELECT
     count(*) AS samples,
     any_value(unit) AS unit
 FROM samples
-WHERE channel = channel_name
+WHERE channel = channel_name AND NOT doubled
   AND (session = session_or_name OR session_name = session_or_name)
 GROUP BY ALL
 ORDER BY session, t_s;

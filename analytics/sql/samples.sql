@@ -44,4 +44,4 @@ COMMENT ON COLUMN samples.value IS 'The value in `unit`';
 COMMENT ON COLUMN samples.file_id IS 'SHA-256 of the raw log: the key into `files`';
 COMMENT ON COLUMN samples.record IS 'Position of the record (frame or row) in the raw log, from 0';
 COMMENT ON COLUMN samples.group_name IS 'Message of the bus that carried it, or `rows` of a table';
-COMMENT ON COLUMN samples.doubled IS 'True where a record before it in its file and session, or another file of the session that begins before, has a value of the channel at the same stamp: `WHERE NOT doubled` leaves one value a session, channel and time';
+COMMENT ON COLUMN samples.doubled IS 'True where a record before it in its file and session has a value of the channel at the same stamp, or another log of the session holds the channel meanwhile and counts: `WHERE NOT doubled` leaves one value a session, channel and time';

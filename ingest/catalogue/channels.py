@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ingest.bench.corrections import Correction, true_values
 from ingest.bench.laws import AMBIENT, CURRENT, Surroundings
 from ingest.bench.resolving import ResolvedChannel, valued
+from ingest.catalogue.at_once import counted
 from ingest.catalogue.decoded import DecodedFile, Table, decoded_file
 from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
@@ -36,7 +37,8 @@ _Beside = Mapping[str, Callable[[NDArray[np.int64]], Array]]  # what is known be
 
 @dataclass(frozen=True, eq=False)
 class ChannelData:
-    """All samples (N,) of a channel of a session, over its files, in the order of time; stamps and values corrected."""
+    """The samples (N,) of a channel of a session that count, over its files, in the order of time; stamps and values
+    corrected."""
 
     spec: ResolvedChannel
     t_ns: NDArray[np.int64]
@@ -46,6 +48,7 @@ class ChannelData:
     raws: tuple[str, ...]  # SHA-256 of the session's files that hold this channel
     buses: tuple[str, ...] = ()  # for each of these: what stamped its samples: logger, `can<n>` or stem of a table
     read: Array | None = None  # the values before they were corrected, None where they were not
+    beside: ChannelData | None = None  # what other logs hold of it at the same time, which does not count
 
     @property
     def recorded(self) -> Array:
@@ -63,10 +66,14 @@ class ChannelData:
         weights = " + ".join(f"{share:g} {node}" for node, share in self.spec.weights.items())
         return self.spec.node or weights or None
 
-    def samples(self, which: slice | NDArray[np.int64]) -> ChannelData:
-        """The channel with some of its samples."""
+    def samples(self, which: slice | NDArray[np.int64] | NDArray[np.bool_]) -> ChannelData:
+        """The channel with some of its samples, nothing beside it."""
         names = ("t_ns", "value", "record", "raw", *(() if self.read is None else ("read",)))
-        return replace(self, **{name: getattr(self, name)[which] for name in names})
+        return replace(self, beside=None, **{name: getattr(self, name)[which] for name in names})
+
+    def with_beside(self, counts: NDArray[np.bool_]) -> ChannelData:
+        """The channel with the samples that count, the others beside it."""
+        return replace(self.samples(counts), beside=self.samples(~counts))
 
     @property
     def median_ns(self) -> float:
@@ -300,9 +307,9 @@ def _joined(some: Sequence[_Piece], start_ns: int, beside: _Beside) -> ChannelDa
     value = np.concatenate([_true_values(piece, start_ns, beside) for piece in some]).astype(np.float64)
     raw = np.concatenate([np.full(len(piece.t_ns), raws.index(piece.raw), np.int64) for piece in some])
     order = np.argsort(t_ns, kind="stable")
-    order = order[_once(t_ns[order], read[order], raw[order])]
-    read, step = read[order].astype(np.float64), step_of(read[order])
-    return ChannelData(
+    counts = counted(t_ns[order], read[order], raw[order])
+    step = step_of(read[order][counts])
+    whole = ChannelData(
         spec=some[0].spec.with_step(step) if step else some[0].spec,
         t_ns=t_ns[order],
         value=value[order],
@@ -310,8 +317,9 @@ def _joined(some: Sequence[_Piece], start_ns: int, beside: _Beside) -> ChannelDa
         raw=raw[order],
         raws=raws,
         buses=tuple(piece.bus for piece in pieces.values()),
-        read=read if any(piece.steps for piece in some) else None,
+        read=read[order].astype(np.float64) if any(piece.steps for piece in some) else None,
     )
+    return whole if counts.all() else whole.with_beside(counts)
 
 
 def _throughout(spec: ResolvedChannel, session: SessionRecorded, beside: ChannelData) -> ChannelData:
@@ -329,13 +337,6 @@ def _true_values(piece: _Piece, start_ns: int, beside: _Beside) -> Array:
         return piece.value
     known = {name: at(piece.t_ns) for name, at in beside.items()}
     return true_values(piece.value, piece.steps, Surroundings((piece.t_ns - start_ns) / 3.6e12, known))
-
-
-def _once(t_ns: NDArray[np.int64], value: NDArray[Any], raw: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Which samples to keep (N,): not those of a copied log, which repeat the one before from another file."""
-    first = np.ones(len(t_ns), dtype=np.bool_)
-    first[1:] = (np.diff(t_ns) != 0) | (value[1:] != value[:-1]) | (raw[1:] == raw[:-1])
-    return first
 
 
 def _held(channel: ChannelData, t_ns: NDArray[np.int64]) -> Array:

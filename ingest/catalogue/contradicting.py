@@ -1,17 +1,18 @@
 """Logs of one session that say other things of one channel at the same time: two motors, two tests, or a clock that is
-far off, where a replay would mix both."""
+far off."""
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from itertools import combinations
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ingest.catalogue.at_once import goes_on
 from ingest.catalogue.channels import ChannelData, step_of
-from ingest.catalogue.quality import GAP_MEDIANS, noise_of
+from ingest.catalogue.quality import noise_of
 from ingest.facts.events import QualityFlagged
 
 LEAST = 20  # samples at the same time
@@ -43,26 +44,20 @@ def _flag(logs: str, found: Sequence[tuple[ChannelData, float, float]]) -> Quali
 
 
 def _apart(channel: ChannelData) -> Iterator[tuple[tuple[str, str], float, float]]:
-    """Every two logs of a channel that are far apart where both have samples, with their medians there."""
-    for a, b in combinations(np.unique(channel.raw).tolist(), 2):
-        one, other = (channel.samples(np.flatnonzero(channel.raw == raw)) for raw in (a, b))
-        if len(one.t_ns) < len(other.t_ns):
-            one, other, a, b = other, one, b, a
-        there = _meanwhile(one, other.t_ns)
-        if there.sum() >= LEAST:
+    """Every log that counts and one beside it that are far apart where both have samples, with their medians there."""
+    if channel.beside is None:
+        return
+    for a, b in product(np.unique(channel.raw).tolist(), np.unique(channel.beside.raw).tolist()):
+        one = channel.samples(channel.raw == a)
+        other = channel.beside.samples(channel.beside.raw == b)
+        there = goes_on(one.t_ns, other.t_ns)
+        if a != b and there.sum() >= LEAST:
             seen = other.value[there]
             meanwhile = np.interp(other.t_ns[there], one.t_ns, one.value)
-            least = max(FAR * max(_fine(one.value), _fine(seen)), SHARE * float(np.abs(channel.value).max()))
+            most = max(float(np.abs(part.value).max()) for part in (channel, channel.beside))
+            least = max(FAR * max(_fine(one.value), _fine(seen)), SHARE * most)
             if np.median(np.abs(seen - meanwhile)) > least:
                 yield (channel.raws[a], channel.raws[b]), float(np.median(meanwhile)), float(np.median(seen))
-
-
-def _meanwhile(one: ChannelData, t_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Whether a log goes on at stamps (N,) [ns]: they lie between two of its samples, and in no gap."""
-    after = np.searchsorted(one.t_ns, t_ns, side="right")
-    between = (after > 0) & (after < len(one.t_ns))
-    apart = one.t_ns[np.minimum(after, len(one.t_ns) - 1)] - one.t_ns[np.maximum(after - 1, 0)]
-    return np.asarray(between & (apart <= GAP_MEDIANS * one.median_ns))
 
 
 def _fine(value: NDArray[np.float64]) -> float:

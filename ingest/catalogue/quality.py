@@ -33,6 +33,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ingest.catalogue.at_once import GAP_MEDIANS
 from ingest.catalogue.channels import ChannelData, step_of
 from ingest.facts.events import QualityFlagged
 
@@ -49,7 +50,6 @@ WITH = 3  # channels that are held together, at least
 MOST = 2 / 3  # of those that are fine enough to tell
 FINE = 2.0  # steps in a channel's noise: it never repeats for long
 OF_NO_SENSOR = ("gap", "record_repeated")  # flags of what no sensor is to blame for
-GAP_MEDIANS = 5.0
 GAP_NS = 1_000_000_000  # a shorter one is jitter of the bus: no motor warms within it
 
 

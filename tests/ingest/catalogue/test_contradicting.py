@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ingest.catalogue.at_once import counted
 from ingest.catalogue.channels import ChannelData
 from ingest.catalogue.contradicting import contradicting
 from made.channels import channel
@@ -22,7 +23,8 @@ def _of_two(one: Floats, other: Floats, t_s: Floats = T_s, other_t_s: Floats = T
     stamps, values = np.concatenate([t_s, other_t_s]), np.concatenate([one, other])
     order = np.argsort(stamps, kind="stable")
     whole = channel(name, "speed", (values + random.normal(0, 1, values.size))[order], t_s=stamps[order])
-    return replace(whole, raw=np.repeat([0, 1], [one.size, other.size])[order], raws=("a", "b"))
+    log = np.repeat([0, 1], [one.size, other.size])[order]
+    return replace(whole, raw=log, raws=("a", "b")).with_beside(counted(whole.t_ns, whole.value, log))
 
 
 def _said(*channels: ChannelData) -> list[str]:
