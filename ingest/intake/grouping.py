@@ -170,6 +170,9 @@ def _overlaps(known: Facts, session: SessionRecorded) -> list[QualityFlagged]:
         if common and a.raw != b.raw and to_ns > from_ns:
             names = " and ".join(known.files[one.raw].name for one in (a, b))
             seconds = (to_ns - from_ns) / 1e9
-            says = f"{names} hold the same channels for {seconds:.0f} s: there the samples of one of them count"
+            says = (
+                f"{names} hold the same channels for {seconds:.0f} s: there one of them counts; `whyhot morning` "
+                "compares their clocks"
+            )
             flags.append(QualityFlagged(flag="overlap", says=says, detail={"channels": sorted(common)}))
     return flags

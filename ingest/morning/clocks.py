@@ -32,6 +32,7 @@ MOST_STEPS = 100_000
 SLOW_s = 60.0  # what changes more slowly says nothing of the lag
 FURTHEST_s = 600.0  # of a lag, and a quarter of the common time
 CLEAR = 0.6  # correlation from which two channels show one thing
+STILL = 1e-6  # of all that a channel moves: by less it does not move where both lie over one another
 RIVAL = 0.8  # of the correlation at the lag, that one elsewhere may reach
 APART_s = 10.0  # from the lag, that a segment may be: 100 ppm in a day
 SEGMENTS, FEWEST = (8, 40), 6  # that the time is cut into, and that must tell
@@ -138,13 +139,17 @@ def _moving(value: Array, step: float) -> Array:
 
 
 def _coarse(x: Array, y: Array, step: float) -> tuple[float, float]:
-    """The lag of `y` behind `x` (N,) [s] to a step, and the correlation there."""
+    """The lag of `y` behind `x` (N,) [s] to a step, and the correlation there, of what then lies over one another: a
+    run-up that only one of them has seen would hide it."""
     norm = float(np.sqrt((x**2).sum() * (y**2).sum()))
     if norm == 0.0 or not np.isfinite(norm):
         raise CannotTellError("one of both channels does not move")
-    lag = correlation_lags(len(y), len(x)) * step
-    near = np.abs(lag) <= min(FURTHEST_s, len(x) * step / 4)
-    lag, r = lag[near], correlate(y, x)[near] / norm
+    steps = correlation_lags(len(y), len(x))
+    near = np.abs(steps) <= min(FURTHEST_s / step, len(x) / 4)
+    steps, r = steps[near], correlate(y, x)[near]
+    of_y, of_x = _energy(y, steps), _energy(x, -steps)
+    still = np.minimum(of_x / (x**2).sum(), of_y / (y**2).sum()) < STILL
+    lag, r = steps * step, np.where(still, 0.0, r / np.sqrt(np.where(still, 1.0, of_x * of_y)))
     own = correlate(x, x)[near] / (x**2).sum()
     best = int(r.argmax())
     if r[best] < CLEAR:
@@ -155,6 +160,12 @@ def _coarse(x: Array, y: Array, step: float) -> tuple[float, float]:
         other = lag[others][int(r[others].argmax())]
         raise CannotTellError(f"what they show repeats: {lag[best]:.1f} s and {other:.1f} s fit nearly alike")
     return float(lag[best]), float(r[best])
+
+
+def _energy(value: Array, after: NDArray[np.int64]) -> Array:
+    """(K,) sum of squares of `value` (N,) without its first so many steps, or its last where these are negative."""
+    upto = np.concatenate([[0.0], np.cumsum(value**2)])
+    return np.asarray(upto[len(value) + np.minimum(after, 0)] - upto[np.maximum(after, 0)])
 
 
 def _segments(of_x: _Course, of_y: _Course, t: Array, coarse: float, step: float) -> tuple[Array, Array, Array]:
@@ -254,6 +265,12 @@ def pairs(first: Sequence[ChannelData], second: Sequence[ChannelData]) -> Iterat
     for x, y, near in sorted(told, key=lambda one: one[2]):
         if near < 2:
             yield x, y
+
+
+def same(first: Sequence[ChannelData], second: Sequence[ChannelData]) -> list[tuple[ChannelData, ChannelData]]:
+    """The channels that two loggers have of one sensor, temperatures last: they tell little at once."""
+    both = [(x, y) for x in first for y in second if x.spec.name == y.spec.name]
+    return sorted(both, key=lambda pair: pair[0].spec.quantity == "temperature")
 
 
 def _kinship(x: ChannelData, y: ChannelData) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from ingest.catalogue.channels import ChannelData
 from ingest.facts.events import ClockAligned, SessionRecorded
-from ingest.morning.clocks import CannotTellError, ClockOffset, LEAST_s, align, pairs
+from ingest.morning.clocks import CannotTellError, ClockOffset, LEAST_s, align, pairs, same
 
 TRIED = 4  # pairs of channels that two clocks are compared by
 SIGMAS = 2.0  # within which two clocks agree, and channels tell one lag
@@ -41,7 +41,7 @@ class LoggerClock:
         if one is None:
             return f"{self.clock} against {self.reference}: cannot tell: {self.why}"
         within = SIGMAS * one.offset_sd_s
-        by = f"by {one.by[1]} and {one.by[0]}"
+        by = f"by {' and '.join(dict.fromkeys(reversed(one.by)))}"
         if self.agrees:
             return f"{self.clock} and {self.reference} agree within {within:.2g} s, {by}"
         side = "late" if one.offset_s > 0 else "early"
@@ -60,11 +60,13 @@ class LoggerClock:
 
 @dataclass(frozen=True, eq=False)
 class _Stream:
-    """The channels that one clock of a session stamped."""
+    """The channels that one clock of a session stamped; `beside`: the one that stamped them where they count, of a log
+    that holds them a second time."""
 
     session: SessionRecorded
     clock: str
     channels: Sequence[ChannelData]
+    beside: str | None = None
 
     @property
     def span(self) -> tuple[int, int]:
@@ -72,9 +74,12 @@ class _Stream:
         return min(int(one[0]) for one in t), max(int(one[-1]) for one in t)
 
 
-def compared(sessions: Sequence[tuple[SessionRecorded, Sequence[ChannelData]]]) -> list[LoggerClock]:
-    """Each clock beside that of the largest number of channels that ran at once with it."""
-    streams = [stream for session, channels in sessions for stream in _streams(session, channels)]
+def compared(
+    sessions: Sequence[tuple[SessionRecorded, Sequence[ChannelData]]], name_of: Callable[[str], str]
+) -> list[LoggerClock]:
+    """Each clock beside that of the largest number of channels that ran at once with it; the clock of a log that holds
+    channels a second time beside the one that stamped those that count. `name_of`: SHA-256 -> the log's name."""
+    streams = [stream for session, channels in sessions for stream in _streams(session, channels, name_of)]
     streams.sort(key=lambda one: -len(one.channels))
     found = []
     for i, one in enumerate(streams):
@@ -84,17 +89,35 @@ def compared(sessions: Sequence[tuple[SessionRecorded, Sequence[ChannelData]]]) 
     return found
 
 
-def _streams(session: SessionRecorded, channels: Sequence[ChannelData]) -> Iterator[_Stream]:
-    by_clock: dict[str, list[ChannelData]] = {}
+def _streams(
+    session: SessionRecorded, channels: Sequence[ChannelData], name_of: Callable[[str], str]
+) -> Iterator[_Stream]:
+    by_clock: dict[tuple[str, str | None], list[ChannelData]] = {}
     for one in channels:
         if len(one.t_ns) > 1 and one.buses and one.spec.role != "ignored" and one.spec.value is None:
-            by_clock.setdefault(one.buses[0], []).append(one)
-    for clock, some in by_clock.items():
-        yield _Stream(session, clock, some)
+            second = _second(one)
+            own = one.samples(~np.isin(one.raw, [*second]))
+            first = one.buses[own.raw[0]]
+            by_clock.setdefault((first, None), []).append(own)
+            for raw, log in second.items():
+                clock = one.buses[raw] if one.buses[raw] != first else f"{first} of {name_of(one.raws[raw])}"
+                by_clock.setdefault((clock, first), []).append(log)
+    for (clock, beside), some in by_clock.items():
+        yield _Stream(session, clock, some, beside)
+
+
+def _second(channel: ChannelData) -> dict[int, ChannelData]:
+    """What other logs, by their number among its own, hold of a channel beside it for long enough, without what they
+    fill of its gaps: that would not go with itself."""
+    beside = channel.beside
+    logs = {} if beside is None else {raw: beside.samples(beside.raw == raw) for raw in np.unique(beside.raw).tolist()}
+    return {raw: log for raw, log in logs.items() if (log.t_ns[-1] - log.t_ns[0]) / 1e9 >= LEAST_s}
 
 
 def _at_once(one: _Stream, other: _Stream) -> bool:
     same = one.session.session == other.session.session
+    if one.beside or (other.beside and not (same and other.beside == one.clock)):
+        return False
     if not same and not (one.session.absolute and other.session.absolute):
         return False
     (a, b), (c, d) = one.span, other.span
@@ -104,7 +127,8 @@ def _at_once(one: _Stream, other: _Stream) -> bool:
 def _beside(reference: _Stream, one: _Stream) -> LoggerClock:
     names = _called(reference, one), _called(one, reference)
     told, why = [], "no two of their channels measure the same"
-    for x, y in islice(pairs(reference.channels, one.channels), TRIED):
+    of_both = same(reference.channels, one.channels) if one.beside else pairs(reference.channels, one.channels)
+    for x, y in islice(of_both, TRIED):
         try:
             told.append(align(x, y, names))
         except CannotTellError as error:

@@ -102,7 +102,8 @@ def morning(store: Store, intake: Intake, past: Held | None, source: str, kept: 
     then, which may be the same one. Offsets of clocks are facts of a store that keeps the logs. Raises DamageError."""
     facts = ledger_facts.at(store.ledger)
     nights = tuple(_night(store, facts, session, past) for session in intake.sessions)
-    clocks = compared([(session, night.channels) for session, night in zip(intake.sessions, nights, strict=True)])
+    of_sessions = [(session, night.channels) for session, night in zip(intake.sessions, nights, strict=True)]
+    clocks = compared(of_sessions, lambda raw: facts.files[raw].name)
     if kept:
         events = [(f"session-{one.session}", one.event()) for one in clocks if one.offset]
         known = list(facts.clocks.values())

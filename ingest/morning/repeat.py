@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -181,7 +181,9 @@ def _courses(
 def usable(seen: Looked) -> list[ChannelData]:
     """The channels of a session without the samples in which their sensors told nothing new."""
     return [
-        channel.samples(np.flatnonzero(quality.good)) if len(quality.good) and not quality.good.all() else channel
+        replace(channel.samples(quality.good), beside=channel.beside)
+        if len(quality.good) and not quality.good.all()
+        else channel
         for channel, quality in zip(seen.channels, seen.qualities, strict=True)
         if len(channel.t_ns)
     ]
