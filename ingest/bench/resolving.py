@@ -88,7 +88,6 @@ def resolve(
     resolved = []
     for channel, of_log in present:
         _refuse_name(bench, channel, directory)
-        _refuse_unit_row(bench, channel, directory)
         bare = _bare(channel, of_log)
         name = bare if names[bare] == 1 else channel.was or str(channel.signal)
         resolved.append(_filled(channel, of_log, name, boundaries, regions))
@@ -194,15 +193,17 @@ def _refuse_name(bench: Bench, channel: Channel, directory: Directory) -> None:
         )
 
 
-def _refuse_unit_row(bench: Bench, channel: Channel, directory: Directory) -> None:
-    """A table says its units itself; a database's units are known to be careless, there the bench file is right."""
-    for signal in directory.find(channel.signal) if channel.signal else ():
-        row = signal.unit if signal.message is None else None
-        if row and other_unit(row, channel.unit, channel.quantity, channel.convention):
-            raise BenchFileError(
-                f'{bench.name}:{channel.at("unit")}: unit "{channel.unit}" of signal "{channel.signal}" disagrees '
-                f'with the unit row of the log, which says "{row}". Correct the bench file.'
-            )
+def refuse_unit_row(bench: Bench, columns: Mapping[str, str], log: str) -> None:
+    """Raises BenchFileError for a unit that the unit row of a table contradicts: column -> unit. A table says its units
+    itself; a database's units are known to be careless, there the bench file is right."""
+    directory = Directory([Signal(name, unit=unit) for name, unit in columns.items()])
+    for channel in bench.channels:
+        for signal in directory.find(channel.signal) if channel.signal and channel.quantity else ():
+            if signal.unit and other_unit(signal.unit, channel.unit, channel.quantity, channel.convention):
+                raise BenchFileError(
+                    f'{bench.name}:{channel.at("unit")}: unit "{channel.unit}" of signal "{channel.signal}" disagrees '
+                    f'with {log}, which says "{signal.unit}". Correct the bench file, or give that log one of its own.'
+                )
 
 
 def _filled(

@@ -69,7 +69,7 @@ def recognise(channels: Sequence[ChannelData]) -> tuple[str, str]:
     if "thermal_resistance" in quantities:
         return EVALUATED
     if not any(quantities):
-        return "other", "nothing says what its signals mean: give it a bench file"
+        return "other", "nothing says what its signals mean: give it a bench file that does"
     if (years := _span_s(channels) / YEAR_s) > 1:
         return "other", f"its stamps span {years:,.0f} years: a clock was set within it, or several logs are one file"
     speed = find(channels, "speed")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ingest.bench.bench_file import Bench, read_bench
 from ingest.bench.changes import refuse_within
-from ingest.bench.resolving import ResolvedChannel, check_nodes, resolve
+from ingest.bench.resolving import ResolvedChannel, check_nodes, refuse_unit_row, resolve
 from ingest.bench.signals import Directory, Signal
 from ingest.errors import BenchFileError, IngestError
 from ingest.facts import facts as ledger_facts
@@ -160,6 +160,9 @@ def resolved(
         if state not in found:
             together = [other for other, its in zip(readings, alike, strict=True) if its == state]
             now = bench.at(one.start_ns if one.absolute else None)
+            for other, name, its in zip(readings, names, alike, strict=True):
+                if its == state:
+                    refuse_unit_row(now, other.units, name)
             found[state] = _resolved(setup, now, together, readings, known)
     return [found[state] for state in alike]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ingest.facts.events import DecodeCompleted, QualityFlagged
-from ingest.log import clock, j1939, specimens, unread
+from ingest.log import clock, j1939, other_units, specimens, unread
 
 
 def findings(name: str, decode: DecodeCompleted) -> list[QualityFlagged]:
@@ -12,5 +12,6 @@ def findings(name: str, decode: DecodeCompleted) -> list[QualityFlagged]:
         *clock.findings(name, decode.settings.get("clock", {}), decode.absolute),
         *j1939.findings(name, decode.settings),
         *unread.findings(name, decode.settings),
+        *other_units.findings(name, decode),
         *specimens.findings(name, decode.settings),
     ]

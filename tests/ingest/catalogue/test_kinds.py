@@ -192,7 +192,7 @@ def test_evaluated_checks_are_a_dc_check() -> None:
 def test_signals_that_nothing_explains_are_other() -> None:
     unknown = channel("x", "state", [1.0, 2.0])
     assert recognise([unknown]) == ("other", "no speed is recorded, and neither current nor temperature is recorded")
-    assert recognise([]) == ("other", "nothing says what its signals mean: give it a bench file")
+    assert recognise([]) == ("other", "nothing says what its signals mean: give it a bench file that does")
 
 
 def test_a_constant_speed_with_steps_of_load_is_other() -> None:
