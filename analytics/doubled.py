@@ -3,8 +3,8 @@
 Within a file these are values of a channel that a record before has at the same stamp of the session: specimens of a
 table have sessions of their own. Between files of a session that overlap in time (a log that grew and came again, two
 loggers of one channel, one log in two formats) they are values at the same stamp, or while the other file goes on:
-that with less time between its records counts, else the one that begins first, of two that begin together the longer
-one (as `ingest.catalogue.at_once` has it). Files are read only where they share a channel, and only where they overlap.
+which of both counts `ingest.catalogue.at_once` says, of equals the one that begins first. Files are read only where
+they share a channel, and only where they overlap.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from analytics.scans import Schema, Schemas, column_names, name, text
-from ingest.catalogue.at_once import GAP_MEDIANS, LOGGED_NS
+from ingest.catalogue.at_once import GAP_MEDIANS, LOGGED_NS, comes_first
 
 if TYPE_CHECKING:
     import duckdb
@@ -69,27 +69,29 @@ def find(connection: duckdb.DuckDBPyConnection, schemas: Schemas) -> None:
             f"PARTITION BY {name(SESSION)}, t_ns ORDER BY record ROWS BETWEEN UNBOUNDED PRECEDING AND 1 PRECEDING) "
             "QUALIFY row_number() OVER here > 1)"
         )
-    steps_ns: dict[str, float] = {}
+    measures: dict[str, tuple[float, float]] = {}  # file -> its length and the median interval of its stamps [ns]
     for one, other, first_ns, last_ns, shared, of_one, of_other in connection.execute(OVERLAPS).fetchall():
-        for file in {one, other} - steps_ns.keys():
-            steps_ns[file] = _step_ns(connection, file)
-        if steps_ns[one] <= steps_ns[other]:
-            _beside(connection, schemas, (one, other), (first_ns, last_ns), shared, of_other, steps_ns)
+        for file in {one, other} - measures.keys():
+            measures[file] = _measures(connection, file)
+        steps_ns = measures[one][1], measures[other][1]
+        if comes_first(measures[one], measures[other]):
+            _beside(connection, schemas, (one, other), steps_ns, (first_ns, last_ns), shared, of_other)
         else:
             turned = [(channel, second, first) for channel, first, second in shared]
-            _beside(connection, schemas, (other, one), (first_ns, last_ns), turned, of_one, steps_ns)
+            _beside(connection, schemas, (other, one), steps_ns[::-1], (first_ns, last_ns), turned, of_one)
 
 
 def _beside(
     connection: duckdb.DuckDBPyConnection,
     schemas: Schemas,
     files: tuple[str, str],
+    steps_ns: tuple[float, float],
     span_ns: tuple[int, int],
     shared: Sequence[tuple[str, str, str]],
     columns: Sequence[str],
-    steps_ns: Mapping[str, float],
 ) -> None:
-    """Add what the second of two files says beside the first; `columns`: all of the second."""
+    """Add what the second of two files says beside the first, with the median interval of each; `columns`: all of the
+    second."""
     counts, file = files
     a, b = _has(schemas[counts], "a"), _has(schemas[file], "b")
     too = {other: a[one] for _, one, other in shared if one in a and other in b}
@@ -97,7 +99,7 @@ def _beside(
         return
     channel = {other: channel for channel, _, other in shared}
     within = f"v.t_ns BETWEEN {span_ns[0]} AND {span_ns[1]}"
-    gap_ns = GAP_MEDIANS * steps_ns[counts] if steps_ns[file] <= LOGGED_NS else 0
+    gap_ns = GAP_MEDIANS * steps_ns[0] if steps_ns[1] <= LOGGED_NS else 0
     session = name(SESSION)
     connection.execute(
         f"WITH first AS MATERIALIZED ({_scan(counts)} AND {within}), second AS ({_scan(file)} AND {within}), "
@@ -111,14 +113,15 @@ def _beside(
     )
 
 
-def _step_ns(connection: duckdb.DuckDBPyConnection, file: str) -> float:
-    """The median interval between the stamps of a file [ns]; infinite with one of them."""
+def _measures(connection: duckdb.DuckDBPyConnection, file: str) -> tuple[float, float]:
+    """Length and median interval of the stamps of a file [ns]; the latter infinite with one of them."""
     session = name(SESSION)
     found = connection.execute(
-        f"SELECT median(step_ns) FROM (SELECT t_ns - lag(t_ns) OVER (PARTITION BY {session} ORDER BY t_ns) AS step_ns "
-        f"FROM (SELECT DISTINCT {session}, t_ns FROM ({_scan(file)})))"
+        f"SELECT max(t_ns) - min(t_ns), median(step_ns) FROM (SELECT t_ns, t_ns - lag(t_ns) OVER ("
+        f"PARTITION BY {session} ORDER BY t_ns) AS step_ns FROM (SELECT DISTINCT {session}, t_ns FROM ({_scan(file)})))"
     ).fetchone()
-    return float("inf") if found is None or found[0] is None else float(found[0])
+    length, step = found or (None, None)
+    return float(length or 0), float("inf") if step is None else float(step)
 
 
 def _twice(has: Mapping[str, str], too: Mapping[str, str], own: Sequence[tuple[str | None, str]]) -> str:

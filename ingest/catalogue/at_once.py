@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 GAP_MEDIANS = 5.0  # median intervals without a sample are a gap
+ABOUT = 0.9  # of the longer one: two logs are about as long
 LOGGED_NS = 60_000_000_000  # between samples of a logger at most: what comes more rarely was measured one by one
 
 Ints = NDArray[np.int64]
@@ -17,9 +18,10 @@ Bools = NDArray[np.bool_]
 def counted(t_ns: Ints, value: NDArray[Any], log: Ints) -> Bools:
     """Which samples of a channel count (N,): stamps in order [ns], values as read, and the number of the log of each.
 
-    Where two logs go on at once the one with less time between its samples counts, of equals the first, as of one log
-    in two formats or of two loggers on one bus; the other fills its gaps. Of what was measured one by one all counts
-    but a copy: the same value at the same stamp.
+    Where two logs go on at once, as one log in two formats or two loggers on one bus, the longer one counts, of about
+    equal ones that with less time between its samples, of equals the first; the other fills its gaps. So a burst of a
+    fast recorder makes no gaps of all that is between the samples of the others. Of what was measured one by one all
+    counts but a copy: the same value at the same stamp.
     """
     counts = np.ones(len(t_ns), np.bool_)
     if not (log != log[:1]).any():
@@ -30,15 +32,34 @@ def counted(t_ns: Ints, value: NDArray[Any], log: Ints) -> Bools:
     logs = np.split(by_log, np.flatnonzero(np.diff(log[by_log])) + 1)
     first, last = (np.array([t_ns[own[end]] for own in logs], np.int64) for end in (0, -1))
     median = np.array([_median(t_ns[own]) for own in logs])
-    finest = np.argsort(median, kind="stable")
-    for place, one in enumerate(finest):
-        own, finer = logs[one], finest[:place]
+    turn = _in_turn(last - first, median)
+    for place, one in enumerate(turn):
+        own, before = logs[one], turn[:place]
         if median[one] > LOGGED_NS:
             counts[own] = ~copy[own]
             continue
-        for other in finer[(first[finer] <= last[one]) & (last[finer] >= first[one])]:
+        for other in before[(first[before] <= last[one]) & (last[before] >= first[one])]:
             counts[own] &= ~goes_on(t_ns[logs[other]], t_ns[own])
     return counts
+
+
+def comes_first(one: tuple[float, float], other: tuple[float, float]) -> bool:
+    """Whether of two logs the one counts, by length and median interval of each [ns]; `other` comes later."""
+    if min(one[0], other[0]) < ABOUT * max(one[0], other[0]):
+        return one[0] > other[0]
+    return one[1] <= other[1]
+
+
+def _in_turn(length_ns: Ints, median_ns: NDArray[np.float64]) -> NDArray[np.intp]:
+    """The numbers of logs, the one first that counts before all others: as `comes_first`, the longest as a measure."""
+    left = np.argsort(-length_ns, kind="stable")
+    turn = []
+    while len(left):
+        alike = length_ns[left] >= ABOUT * length_ns[left[0]]
+        own = np.sort(left[alike])
+        turn.append(own[np.argsort(median_ns[own], kind="stable")])
+        left = left[~alike]
+    return np.concatenate(turn)
 
 
 def goes_on(t_ns: Ints, at_ns: Ints) -> Bools:

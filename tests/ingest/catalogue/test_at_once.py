@@ -43,9 +43,14 @@ def test_of_one_log_in_two_formats_the_first_counts() -> None:
     assert (len(first), second) == (100, [])
 
 
-def test_of_two_loggers_the_one_with_less_time_between_its_samples_counts() -> None:
-    coarse, fine = _counted(np.arange(0, 60, 5.0), np.arange(10, 50, 0.5))
-    assert (coarse, len(fine)) == ([0.0, 5.0, 50.0, 55.0], 80)
+def test_of_two_loggers_that_run_as_long_the_one_with_less_time_between_its_samples_counts() -> None:
+    coarse, fine = _counted(np.arange(0, 60, 5.0), np.arange(3, 59, 0.5))
+    assert (coarse, len(fine)) == ([0.0], 112)
+
+
+def test_a_burst_of_a_fast_recorder_makes_no_gaps_of_the_others_time() -> None:
+    log, burst = _counted(np.arange(3600.0), 1800 + np.arange(10_000) * 1e-3)
+    assert (len(log), burst) == (3600, [])
 
 
 def test_the_other_logger_fills_a_gap() -> None:
@@ -56,7 +61,8 @@ def test_the_other_logger_fills_a_gap() -> None:
 
 def test_logs_that_follow_each_other_count_both_and_what_both_hold_at_the_seam_once() -> None:
     assert [len(one) for one in _counted(np.arange(10.0), np.arange(10, 20.0))] == [10, 10]
-    assert _counted(np.arange(10.0), np.arange(8, 20.0))[1] == list(range(10, 20))
+    first, second = _counted(np.arange(10.0), np.arange(8, 18.0))
+    assert (first, second) == (list(range(10)), list(range(10, 18)))
 
 
 def test_of_what_was_measured_one_by_one_all_counts_but_copies() -> None:
