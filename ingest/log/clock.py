@@ -102,7 +102,7 @@ def findings(name: str, counted: Mapping[str, Any], absolute: bool) -> list[Qual
     """A flag a kind of fault of the file `name`, from what `StampFaults.counted` says."""
     told = {
         "newest_first": "it runs from the newest record to the oldest: put in the order of time" * ("falls" in counted),
-        "clock_back": _steps(counted, "back", "its clock steps back"),
+        "clock_back": _steps(counted, "back", "its clock steps back") + _summer_ends(counted, absolute),
         "clock_jump": _steps(counted, "jump", "its clock jumps on, or the log paused,"),
         "doubled_equal": _records(counted, "equal", "with stamp and values of another one"),
         "doubled_other": _records(counted, "other", "with the stamp of another one and other values"),
@@ -121,6 +121,12 @@ def _steps(counted: Mapping[str, Any], what: str, says: str) -> str:
     by = f"{largest_s:,.3g} s" if largest_s < 600 else f"{largest_s / 60:,.0f} min"
     by = f"{largest_s / 86_400:,.1f} days" if largest_s >= 86_400 else by
     return "" if not times else f"{says} by {by}" if times == 1 else f"{says} {times:,} times, by up to {by}"
+
+
+def _summer_ends(counted: Mapping[str, Any], absolute: bool) -> str:
+    """What to do where one step back is an hour less the time between two records, of which few are over 15 min."""
+    hour = counted.get("back_steps") == 1 and 2700 <= counted.get("back_ns", 0) / SECOND_NS <= 3600
+    return ", as a local clock does when summer time ends: say its `zone` under [time]" if absolute and hour else ""
 
 
 def _records(counted: Mapping[str, Any], key: str, says: str) -> str:

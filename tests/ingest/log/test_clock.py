@@ -194,3 +194,18 @@ def test_specimens_that_no_bench_file_tells_apart_are_said_and_not_taken_for_a_f
     assert says in answer(capsys, "show", "checks", *store)["findings"]
     (tmp_path / "bench.toml").write_text('schema = "whyhot.bench/1"\nspecimen_column = "specimen"\n', encoding="utf-8")
     assert answer(capsys, "ingest", str(log), "--bench", str(tmp_path / "bench.toml"), *store)["flags"] == []
+
+
+def test_the_end_of_summer_time_is_told_and_a_zone_mends_it(tmp_path: Path, capsys: Capture) -> None:
+    hours = ["01:59:00", "02:00:00", *(f"02:{m:02}:00" for m in range(1, 60)), *(f"02:{m:02}:00" for m in range(60))]
+    rows = "".join(f"26.10.2025 {hour},{20 + i}\n" for i, hour in enumerate([*hours, "03:00:00"]))
+    log = tmp_path / "oven.csv"
+    log.write_text(f"time,TC_winding\n{rows}", encoding="utf-8")
+    (file,) = answer(capsys, "inspect", str(log))["files"]
+    assert file["stamps"][0] == (
+        "its clock steps back by 59 min, as a local clock does when summer time ends: say its `zone` under [time]"
+    )
+    bench = tmp_path / "bench.toml"
+    bench.write_text(BENCH.replace("[[channel]]", '[time]\nzone = "Europe/Berlin"\n[[channel]]', 1), encoding="utf-8")
+    taken = answer(capsys, "ingest", str(log), "--bench", str(bench), "--store", str(tmp_path / "store"))
+    assert taken["flags"] == []
