@@ -6,9 +6,11 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
+from datetime import datetime
 from math import isnan
 from statistics import median
 from typing import Any
+from zoneinfo import ZoneInfo
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +18,7 @@ from numpy.typing import NDArray
 from ingest.errors import UnreadableLogError
 from ingest.formats import EPOCH, TimeSpec, utc_ns
 from ingest.formats._csv_clocks import (
+    DAY_S,
     OF_HOUR,
     WRAP,
     Clock,
@@ -371,8 +374,25 @@ def _of_day(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
     kind = _kind_of_day(time.format, column, said, in_digits(column, dialect))
     if kind is None and said and seconds_of_minutes(said[0]) >= OfHour.turn_s:  # what counts begins below an hour
         kind, either = (OfHour, "") if any(map(_is_late, dialect.all_said(column))) else (OfMinutes, said[0])
-    own: dict[str, Any] = {"absolute": start is not None, "columns": (column,), "origin_ns": start or 0}
-    return kind(says=kind.called, either=either, **own) if kind else None
+    if kind is None:
+        return None
+    clock = kind(says=kind.called, absolute=start is not None, columns=(column,), origin_ns=start or 0, either=either)
+    first_s = clock.seconds(said[0])
+    if start is not None and kind.turn_s == DAY_S and _is_near(first_s, begins := _of_its_day_s(start, time.zone)):
+        clock = replace(clock, origin_ns=start - round(begins * 1e9))
+    return clock
+
+
+def _of_its_day_s(start_ns: int, zone: str) -> float:
+    """The time of day of a stamp in a zone [s]."""
+    begins = datetime.fromtimestamp(start_ns / 1e9, ZoneInfo(zone))
+    return (begins - begins.replace(hour=0, minute=0, second=0, microsecond=0)).total_seconds()
+
+
+def _is_near(first_s: float, begins_s: float) -> bool:
+    """Whether a first row says the time of day of a start, and not what went by since: what has gone by for an hour is
+    hardly a first row."""
+    return abs(first_s - begins_s) <= (60.0 if first_s < 3600.0 else 3600.0)
 
 
 def _kind_of_day(form: str | None, column: str, said: Sequence[str], digits: bool) -> type[OfDay] | None:

@@ -28,13 +28,17 @@ JUMP_NS = 7 * DAY_NS  # shorter ones are gaps: a log that pauses over the weeken
 STRAY = "its stamp is more than 30 days off those before and after it"
 
 
+TIMES_OF_DAY = ("time of day", "hours and minutes", "time of day in digits")  # what tables say without a date
+HOUR_NS = 3_600_000_000_000  # a first row below is rather what went by since the start
+UNDATED = "times of day without a date: say `start` under [time]"
 WALL_CLOCKS = ("blf", "asc", "trc", "lvm")  # formats whose date is always that of the recorder, without a zone
 
 
 def times_of(reading: LogReading, spec: TimeSpec) -> str:
     """What the stamps of a log are, in words: counted from its start, a wall clock taken as some zone, or UTC."""
     if not reading.absolute:
-        return "counted from the log's own start"
+        is_time = reading.settings.get("time") in TIMES_OF_DAY and (reading.start_ns or 0) >= HOUR_NS
+        return UNDATED if is_time else "counted from the log's own start"
     if spec.start_ns is not None:
         return "counted from the start that the bench file says"
     said = reading.settings.get("time")

@@ -40,7 +40,7 @@ _BY_NAME: Mapping[str, str] = {
     "current_d": "^_id_|_id_(?!$)|_i_d_",  # a last word `id` is a number in a list
     "current_q": "_i_?q_",
     "inception_voltage": "pdiv|inception|einsetzspannung",
-    "voltage": "volt|spannung|tensi[oó]n",
+    "voltage": "volt|spannung|tensi[oó]n|_[uv]_?rms_",
     "current": "current|_curr_|strom|corrente|courant|corriente|_i_?rms_|_iph_",
     "resistance": "r[eé]sistance|widerstand|resisten[zc]",
     "polarisation_index": "polari[sz]ation|^_pi_$",
@@ -52,7 +52,7 @@ _BY_NAME: Mapping[str, str] = {
 _BY_NAME_ALONE = ("tan_delta", "dose")  # in per cent, and in hours, which speak for nothing
 _PLACES = (  # of thermocouples whose column says no more than where they sit; "06:58:23 PM" is a time
     "wind|wdg|slot|yoke|tooth|teeth|stator|rotor|magnet|(?<!_[0-9]{2})_pm_|bearing|housing|ambient|coolant|inlet|outlet|oven|endcap|water"
-    "|terminal|wickl|lager|geh(ae|ä)use|k(ue|ü)hl|ofen|umgebung|wasser|avvolg|magnete|cuscinett|acqua|ambiente|forno"
+    "|terminal|wickl|wickelk|lager|geh(ae|ä)use|k(ue|ü)hl|ofen|umgebung|wasser|avvolg|magnete|cuscinett|acqua|ambiente|forno"
     "|_mag_|_amb_|_brg_|cool|_oil_|joch|zahn|r(ue|ü)cken|_nut_|blechpaket|vorlauf|r(ue|ü)cklauf|_(oe|ö)l_|_avv_|giogo"
     "|_dente_|_cava_|statore|rotore|carcassa|raffredd|_olio_|[ée]tuve|bobinage|enroulement|aimant|palier|roulement|culasse"
     "|_carter_|_dents?_|encoche|refroid|_eau_|_huile_|_horno_|bobinado|devanado|_im[aá]n|rodamiento|cojinete|carcasa|_agua_"

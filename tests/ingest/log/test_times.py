@@ -48,6 +48,8 @@ def test_the_date_of_a_bus_log_is_the_wall_clock_of_its_recorder(
     [
         ("time\n0\n1\n2", "counted from the log's own start"),
         ("time\n2025-01-01T00:00:00\n2025-01-01T00:00:01", "ISO 8601 in UTC"),
+        ("time\n09:00:02\n09:00:12", "times of day without a date: say `start` under [time]"),
+        ("time\n00:00:02\n00:00:12", "counted from the log's own start"),
         ("epoch_s\n1760000000\n1760000001", "UTC, as the log says"),
     ],
 )
@@ -67,3 +69,31 @@ def test_other_dates_without_a_zone_are_those_of_a_wall_clock_too(tmp_path: Path
     file.save(tmp_path / "local.mf4", local, start_ns=1_760_000_000 * 10**9, local=True)
     log = LOGS / name if name.startswith("sample") else tmp_path / name
     assert said(tmp_path, capsys, log).startswith("the recorder's wall clock, taken as UTC; say `zone`")
+
+
+@pytest.mark.parametrize(
+    ("start", "rows", "begins"),
+    [
+        ("2026-03-03T09:00:00", ("09:00:02", "09:00:12"), "2026-03-03T08:00:02"),
+        ("2026-03-03T09:00:00", ("09:40:00", "09:40:10"), "2026-03-03T08:40:00"),
+        ("2026-03-03T00:00:00", ("09:00:02", "09:00:12"), "2026-03-03T08:00:02"),
+        ("2026-03-03T09:00:00", ("00:00:02", "00:00:12"), "2026-03-03T08:00:02"),
+        ("2026-03-03T09:00:00", ("00:20:00", "00:20:10"), "2026-03-03T08:20:00"),
+        ("2026-03-03T00:10:00", ("00:10:00", "00:10:10"), "2026-03-02T23:10:00"),
+    ],
+)
+def test_times_of_day_have_the_day_of_the_start_and_what_went_by_counts_from_it(
+    tmp_path: Path, capsys: Capture, start: str, rows: tuple[str, str], begins: str
+) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text("time,s\n" + "".join(f"{row},{i}\n" for i, row in enumerate(rows)), encoding="utf-8")
+    (tmp_path / "bench.toml").write_text(
+        f'schema = "whyhot.bench/1"\n[time]\nzone = "Europe/Berlin"\nstart = {start}\n'
+        '[[channel]]\nsignal = "s"\nquantity = "counter"\nunit = "1"\n',
+        encoding="utf-8",
+    )
+    store = ["--store", str(tmp_path / "store")]
+    assert main(["ingest", str(log), "--bench", str(tmp_path / "bench.toml"), *store]) == 0
+    capsys.readouterr()
+    assert main(["sql", "SELECT min(start) AS begins FROM sessions", "--json", *store]) == 0
+    assert json.loads(capsys.readouterr().out)["rows"][0]["begins"].startswith(begins)
