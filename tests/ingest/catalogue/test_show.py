@@ -220,6 +220,12 @@ def test_a_description_holds_everything_that_is_known(store: Store) -> None:
     assert found.sources[0].holds
 
 
+def test_a_sensor_without_a_value_is_to_be_looked_at_and_one_that_is_ignored_is_not(store: Store) -> None:
+    given = values()
+    given["MAG_1"][:] = given["spare"][:] = np.nan
+    assert show.describe(store, *one_session(store, values=given)).findings == ("MAG_1 has no value at all",)
+
+
 def test_the_answer_is_json(store: Store) -> None:
     answer = json.loads(json.dumps(show.describe(store, *one_session(store)).to_json()))
     assert answer["schema"] == "whyhot.show/1"
