@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
+from ingest.texts.names import first_of
 from ingest.texts.times import clock
 from replay.engine.results.summary import ChannelErrors, Summary
 from replay.show.words import heat_words, words
@@ -17,6 +18,7 @@ from replay.show.words.width import width
 from twin.filters.by_filterpy import Apart
 
 INDENT = 18
+LEFT_OUT = 3  # sessions of which it is told what was not replayed
 NAME = 40  # characters of a session's name before its line
 NUMBER_AND_UNIT = re.compile(
     r"(?<=\d) (?=(?:K|°C|degC|W|kW|W/K|J/K|A|Nm|rpm|l/min|%|s|min|h)(?!\w))|(?<=\d) (?=-> \d)|(?<=\d ->) (?=\d)"
@@ -34,6 +36,8 @@ def replay_text(
         lines += ["", *_session(summary)]
     for text in power_balance(summaries):
         lines += ["", *labelled("Power balance", text)]
+    if notes := [f"{one.session_name}: {one.note}" for one in summaries if one.note]:
+        lines += ["", *labelled("Left out", first_of(notes, LEFT_OUT, ". "))]
     for label, text in _asked(summaries, checks):
         lines += ["", *labelled(label, text)]
     return "\n".join([*lines, "", *labelled("Next", next_command)])
@@ -86,8 +90,13 @@ def _session(summary: Summary) -> list[str]:
 
 
 def _cut(lead: str, parts: Sequence[str], most: int) -> list[str]:
-    """At most `most` lines as wide as the terminal; "…" where that was too little."""
-    text = lead + "; ".join(parts)
+    """At most `most` lines as wide as the terminal; "…" in place of the last parts where that was too little."""
+    for told in range(len(parts), 0, -1):
+        shown = [*parts[:told], *["…"] * (told < len(parts))]
+        lines = _wrapped(lead + "; ".join(shown), width(), subsequent_indent="    ")
+        if len(lines) <= most:
+            return lines
+    text = lead + "; ".join(parts)  # not even the first one fits
     return _wrapped(text, width(), subsequent_indent="    ", max_lines=most, placeholder=" …") if parts else []
 
 
