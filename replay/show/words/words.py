@@ -52,8 +52,9 @@ def signed_kelvin(value: float) -> str:
 
 
 def number(value: float) -> str:
-    """Whole, or with one decimal below 10; thousands with a comma: "3,000", "104", "2.5"."""
-    return f"{value:,.0f}" if abs(value) >= 10 or value == round(value) else f"{value:.1f}"
+    """Whole, or with one decimal below 10; thousands with a comma: "3,000", "104", "2.5", "−20"; zero has no sign."""
+    text = f"{value:,.0f}" if abs(value) >= 10 or value == round(value) else f"{value:.1f}"
+    return text.replace("-", "−") if text.strip("-0.") else text.lstrip("-")
 
 
 def rounded(value: float) -> float:
