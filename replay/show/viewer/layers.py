@@ -170,7 +170,7 @@ def _says(seen: SessionSeen) -> str:
         full = [one for one in seen.channels if one.t_ns.size]
         rows = "\n".join(f"- {c.spec.name}: {c.spec.quantity}, {c.t_ns.size:,} samples" for c in full)
         return f"# {session.name}\n{session.kind} ({session.kind_why}), {length}\n\n{rows}\n"
-    rows = "\n".join(f"- {finding(error)}" for error in worst_first(run.summary))
+    rows = "\n".join(f"- {finding(error, run.summary)}" for error in worst_first(run.summary))
     model, digest = f"Model {run.motor} {words.short(run.model)}", f"digest {words.short(run.digest)}"
     source = f"{model}, open loop; {digest}. Residual: measured minus model."
     return f"# {run.session_name}\n{answer([run.summary])}\n\n{rows}\n\n{source}\n"

@@ -13,7 +13,7 @@ from ingest.texts.times import clock
 from replay.engine.results.summary import ChannelErrors, Summary
 from replay.show.words import heat_words, words
 from replay.show.words.filter_words import asked_for, checked, left_out
-from replay.show.words.findings import answer, direction, is_moved, mean_error, power_balance, worst_first
+from replay.show.words.findings import answer, direction, is_moved, label, mean_error, power_balance, worst_first
 from replay.show.words.width import width
 from twin.filters.by_filterpy import Apart
 
@@ -114,7 +114,7 @@ def _reading(one: ChannelErrors, degC: float, limit_degC: float | None, summary:
     corrected = " (reading corrected)" if is_moved(one) else ""
     margin = "" if limit_degC is None else f", {heat_words.margin(limit_degC - degC)}"
     at = clock(one.measured_max_at_s or 0.0)
-    return f"{_label(one, summary)} measured up to {degC:.1f} °C at {at}{corrected}{margin}"
+    return f"{label(one, summary)} measured up to {degC:.1f} °C at {at}{corrected}{margin}"
 
 
 def _errors(summary: Summary) -> list[str]:
@@ -126,15 +126,10 @@ def _errors(summary: Summary) -> list[str]:
     if fine:
         floor = words.kelvin(max(one.floor_K for one in fine))
         told += [
-            f"{words.joined([_label(one, summary) for one in fine])} within the sensors' own uncertainty ({floor})"
+            f"{words.joined([label(one, summary) for one in fine])} within the sensors' own uncertainty ({floor})"
         ]
     return told + [f"{one.masked:,} steps of {one.channel} masked" for one in errors if one.masked]
 
 
 def _wrong(one: ChannelErrors, summary: Summary) -> str:
-    return f"{_label(one, summary)} {mean_error(one)} {direction(one)} ({words.kelvin(one.max_K)} at worst)"
-
-
-def _label(one: ChannelErrors, summary: Summary) -> str:
-    shared = sum(other.node == one.node for other in summary.channels) > 1
-    return f"{words.name(one.node)} ({one.channel})" if shared else words.name(one.node)
+    return f"{label(one, summary)} {mean_error(one)} {direction(one)} ({words.kelvin(one.max_K)} at worst)"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -194,6 +195,17 @@ def test_a_plot_over_time_says_the_finding_and_carries_its_data() -> None:
         "rotor surface difference [K]",
     )
     assert {row[3] for row in plot.table.rows} == {"masked", "−0.2", "+6.0"}
+
+
+def test_of_several_sensors_of_a_node_a_title_names_its_own() -> None:
+    run = made_run()
+    twins = [replace(one, channel=f"{one.channel}b") for one in run.observed if one.node == "rotor_surface"]
+    errors = [replace(one, channel=f"{one.channel}b") for one in run.summary.channels if one.node == "rotor_surface"]
+    summary = replace(run.summary, channels=[*run.summary.channels, *errors])
+    both = replace(run, observed=(*run.observed, *twins), summary=summary)
+    plot = over_time(both, twins, 600)
+    assert plot.title.startswith("Rotor surface (T_3b): model 3.1 K too cold")
+    assert plot.table.head[1] == "T_3b measured [°C]", "the other one stands in another panel"
 
 
 def test_a_drawing_is_well_formed_and_takes_its_colours_from_the_page() -> None:
