@@ -125,9 +125,7 @@ def _errors(summary: Summary) -> list[str]:
     told += [heat_words.meter(one) for one in sorted(summary.meters, key=lambda one: one.within_floor)]
     if fine:
         floor = words.kelvin(max(one.floor_K for one in fine))
-        told += [
-            f"{words.joined([label(one, summary) for one in fine])} within the sensors' own uncertainty ({floor})"
-        ]
+        told += [f"{words.joined([label(one, summary) for one in fine])} within the sensors' own uncertainty ({floor})"]
     return told + [f"{one.masked:,} steps of {one.channel} masked" for one in errors if one.masked]
 
 

@@ -84,7 +84,10 @@ def test_recordings_without_a_usable_channel_get_an_honest_answer() -> None:
 def test_a_finding_within_the_floor_compares_with_the_floor() -> None:
     summary = made_run().summary
     winding = worst_first(summary)[1]
-    assert finding(winding, summary) == "Winding: 0.2 K off on average, 0.2 K at worst; the sensor itself leaves 0.5 K open"
+    assert (
+        finding(winding, summary)
+        == "Winding: 0.2 K off on average, 0.2 K at worst; the sensor itself leaves 0.5 K open"
+    )
 
 
 @pytest.mark.parametrize(
