@@ -13,7 +13,7 @@ from ingest.texts.times import clock
 from replay.engine.results.summary import ChannelErrors, Summary
 from replay.show.words import heat_words, words
 from replay.show.words.filter_words import asked_for, checked, left_out
-from replay.show.words.findings import answer, direction, is_moved, label, mean_error, power_balance, worst_first
+from replay.show.words.findings import answer, direction, is_moved, mean_error, place_of, power_balance, worst_first
 from replay.show.words.width import width
 from twin.filters.by_filterpy import Apart
 
@@ -114,7 +114,7 @@ def _reading(one: ChannelErrors, degC: float, limit_degC: float | None, summary:
     corrected = " (reading corrected)" if is_moved(one) else ""
     margin = "" if limit_degC is None else f", {heat_words.margin(limit_degC - degC)}"
     at = clock(one.measured_max_at_s or 0.0)
-    return f"{label(one, summary)} measured up to {degC:.1f} °C at {at}{corrected}{margin}"
+    return f"{place_of(one, summary)} measured up to {degC:.1f} °C at {at}{corrected}{margin}"
 
 
 def _errors(summary: Summary) -> list[str]:
@@ -125,9 +125,11 @@ def _errors(summary: Summary) -> list[str]:
     told += [heat_words.meter(one) for one in sorted(summary.meters, key=lambda one: one.within_floor)]
     if fine:
         floor = words.kelvin(max(one.floor_K for one in fine))
-        told += [f"{words.joined([label(one, summary) for one in fine])} within the sensors' own uncertainty ({floor})"]
+        told += [
+            f"{words.joined([place_of(one, summary) for one in fine])} within the sensors' own uncertainty ({floor})"
+        ]
     return told + [f"{one.masked:,} steps of {one.channel} masked" for one in errors if one.masked]
 
 
 def _wrong(one: ChannelErrors, summary: Summary) -> str:
-    return f"{label(one, summary)} {mean_error(one)} {direction(one)} ({words.kelvin(one.max_K)} at worst)"
+    return f"{place_of(one, summary)} {mean_error(one)} {direction(one)} ({words.kelvin(one.max_K)} at worst)"
