@@ -267,4 +267,4 @@ def _forest_table(known: Sequence[Specimen], batches: Mapping[str | None, Batch]
 
 def _cell(value: float | None, digits: int) -> str:
     """A number in a table; a dash where there is none. What rounds to nothing has no sign."""
-    return "–" if value is None else f"{round(value, digits) or 0.0:.{digits}f}".replace("-", "−")
+    return "–" if value is None else words.fixed(value, digits)

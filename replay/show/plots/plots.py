@@ -262,7 +262,7 @@ def _table(run: Run, group: Sequence[Observed]) -> FigureTable:
     cells = [[f"{t:.2f}" for t in time.of(at_ns)]]
     for observed in group:
         i = nearest(observed, at_ns)
-        cells += [[f"{v:.1f}" for v in observed.measured[i]], [f"{v:.1f}" for v in observed.modelled[i]]]
+        cells += [[words.fixed(v) for v in observed.measured[i]], [words.fixed(v) for v in observed.modelled[i]]]
         cells.append(residual_cells(observed, i))
     return FigureTable(head, tuple(zip(*cells, strict=True)))
 
@@ -280,7 +280,7 @@ def _input_table(run: Run, names: Sequence[str]) -> FigureTable:
     time = time_axis(run)
     i = instants(run.t_ns.size - 1)
     head = (time.label, *(f"{words.name(n.rpartition('_')[0])} [{AXES[n.rpartition('_')[2]][1]}]" for n in names))
-    cells = [[f"{t:.2f}" for t in time.of(run.t_ns[i])], *([f"{v:,.1f}" for v in run.inputs[n][i]] for n in names)]
+    cells = [[f"{t:.2f}" for t in time.of(run.t_ns[i])], *([words.fixed(v) for v in run.inputs[n][i]] for n in names)]
     return FigureTable(head, tuple(zip(*cells, strict=True)))
 
 

@@ -57,6 +57,11 @@ def number(value: float) -> str:
     return text.replace("-", "−") if text.strip("-0.") else text.lstrip("-")
 
 
+def fixed(value: float, digits: int = 1) -> str:
+    """A number in a table, as many digits as its neighbours: "1,234.5", "−1.4"; what rounds to nothing is "0.0"."""
+    return f"{round(value, digits) or 0.0:,.{digits}f}".replace("-", "−")
+
+
 def rounded(value: float) -> float:
     """To two significant digits above 100, to whole numbers below: bounds of a range carry no more."""
     if abs(value) < 100:
