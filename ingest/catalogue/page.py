@@ -87,7 +87,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], width: int, right:
         ).rstrip()
         for row in cells
     ]
-    out = [name or "notes" for i, name in enumerate(head) if i >= len(widths) and any(row[i] for row in cells)]
+    out = [name or "notes" for i, name in enumerate(head) if i >= len(widths) and any(row[i] for row in cells[1:])]
     return lines + (_wrap(f"not shown, as {width} columns are too few: {', '.join(out)}", width) if out else [])
 
 

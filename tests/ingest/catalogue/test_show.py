@@ -354,6 +354,13 @@ def test_a_table_too_wide_loses_the_ends_of_its_widest_column() -> None:
     assert lines == ["name               x", "a" * 15 + "…   1", "b                 22"]
 
 
+def test_a_column_in_which_nothing_stands_is_not_missed_where_it_does_not_fit() -> None:
+    rows = [("a" * 30, "1", ""), ("b", "22", "")]
+    assert "not shown" not in "\n".join(page.table(("name", "x", "held"), rows, width=16, right=(1,)))
+    told = page.table(("name", "x", "held"), [*rows, ("c", "3", "10 s")], width=16, right=(1,))
+    assert "held" in " ".join(told[4:])
+
+
 def test_a_table_much_too_wide_cuts_no_number_and_names_the_columns_that_it_leaves_out() -> None:
     rows = [("magnet", "1,234.5 K", "within it by far", "2025-10-09"), ("b", "2 K", "x", "–")]
     lines = page.table(("name", "mean", "verdict", ""), rows, width=27, right=(1,))
