@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
@@ -58,8 +59,9 @@ def number(value: float) -> str:
 
 
 def fixed(value: float, digits: int = 1) -> str:
-    """A number in a table, as many digits as its neighbours: "1,234.5", "−1.4"; what rounds to nothing is "0.0"."""
-    return f"{round(value, digits) or 0.0:,.{digits}f}".replace("-", "−")
+    """A number in a table, as many digits as its neighbours: "1,234.5", "−1.4"; what rounds to nothing is "0.0", what
+    is not known (NaN) a dash."""
+    return "–" if math.isnan(value) else f"{round(value, digits) or 0.0:,.{digits}f}".replace("-", "−")
 
 
 def rounded(value: float) -> float:

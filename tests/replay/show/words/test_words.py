@@ -20,7 +20,8 @@ def test_a_number_below_zero_has_the_sign_that_pictures_have_and_zero_has_none(v
 
 
 @pytest.mark.parametrize(
-    ("value", "digits", "says"), [(1234.56, 1, "1,234.6"), (-1.44, 1, "−1.4"), (-0.04, 1, "0.0"), (-0.004, 2, "0.00")]
+    ("value", "digits", "says"),
+    [(1234.56, 1, "1,234.6"), (-1.44, 1, "−1.4"), (-0.04, 1, "0.0"), (-0.004, 2, "0.00"), (float("nan"), 1, "–")],
 )
 def test_a_number_of_a_table_has_its_digits_and_nothing_has_no_sign(value: float, digits: int, says: str) -> None:
     assert words.fixed(value, digits) == says
