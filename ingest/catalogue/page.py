@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import textwrap
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from ingest.catalogue import operating_points, power
@@ -12,11 +12,13 @@ from ingest.catalogue.description import ChannelDescription, SessionDescription
 from ingest.catalogue.power import PowerBalance
 from ingest.catalogue.quality import seconds
 from ingest.facts.events import COUNTS
-from ingest.texts.names import handle
+from ingest.texts.names import first_of, handle
 from ingest.texts.plain import plain_line
 from ingest.texts.units import as_written
 
 NONE = "–"
+GAP = " has no samples for "  # begins what is said of a channel's gaps
+NAMED = 3  # channels of one gap
 LEAST = 8  # characters that a text in a table is cut to at most
 
 
@@ -51,7 +53,7 @@ def _called(sessions: Sequence[Mapping[str, Any]], of: int) -> str:
 
 def render(description: SessionDescription, width: int = 100) -> str:
     """The page of `whyhot show` as plain text of at most `width` columns."""
-    findings = ["Look at", *description.findings] if description.findings else []
+    findings = ["Look at", *_look_at(description)] if description.findings else []
     blocks = [_heading(description), _sources(description), findings, _channels(description, width)]
     blocks.append(["Power", *_power(description.power, description.channels)])
     if description.operating_points:
@@ -85,7 +87,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], width: int, right:
         ).rstrip()
         for row in cells
     ]
-    out = [name or "notes" for i, name in enumerate(head) if i >= len(widths) and any(row[i] for row in cells)]
+    out = [name or "notes" for i, name in enumerate(head) if i >= len(widths) and any(row[i] for row in cells[1:])]
     return lines + (_wrap(f"not shown, as {width} columns are too few: {', '.join(out)}", width) if out else [])
 
 
@@ -141,6 +143,18 @@ def _next(one: SessionDescription) -> str:
     if one.motor is None:
         return f'add motor = "motor.toml" to {one.bench} and ingest again, or whyhot replay {name} --model motor.toml'
     return f"whyhot replay {name}"
+
+
+def _look_at(one: SessionDescription) -> Iterator[str]:
+    """What is to be looked at: a gap of many channels, as of a logger that was off, is one line."""
+    gaps = {f"{channel.name}{GAP}": channel.name for channel in one.channels}
+    told: dict[str, list[str]] = {}
+    for says in one.findings:
+        name = next((name for begins, name in gaps.items() if says.startswith(begins)), "")
+        told.setdefault(says.removeprefix(name), []).append(name)
+    for says, names in told.items():
+        has = says.replace(" has ", " have ", 1) if len(names) > 1 else says
+        yield f"{first_of(names, NAMED)}{has}"
 
 
 def _channels(one: SessionDescription, width: int) -> list[str]:

@@ -138,6 +138,11 @@ def findings(qualities: Sequence[ChannelQuality]) -> list[QualityFlagged]:
     return found
 
 
+def without_value(name: str) -> str:
+    """What is said of a channel that a session's logs know of and hold no value of."""
+    return f"{name} has no value at all"
+
+
 def seconds(value: float) -> str:
     """A duration as a person says it: `0.8 s`, `240 s`, `12 min`, `3.5 h`."""
     if value < 10:

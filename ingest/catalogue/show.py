@@ -34,6 +34,8 @@ def described(facts: Facts, session: SessionRecorded, samples: Looked) -> Sessio
     decodes = [facts.decodes[file["decode"]] for file in session.files]
     flagged = [says for decode in decodes for says in _flagged(facts, decode)]
     found = [flag.says for flag in contradicting(channels, lambda raw: facts.files[raw].name)]
+    there = {one.spec.name for one in channels if len(one.t_ns)}
+    found += [quality.without_value(name) for name in known_channels(facts, session) if name not in there]
     found += [flag.says for flag in quality.findings(qualities)]
     seen = [f"{one.name}: {one.finding}" for one in facts.inspections.values() if one.session == session.session]
     late = [one.says for one in facts.clocks_of(session)]
@@ -105,9 +107,15 @@ def _summary(facts: Facts, session: SessionRecorded) -> dict[str, Any]:
         "specimen": session.specimen,
         "batch": session.batch,
         "sources": [facts.files[raw].name for raw in raws],
-        "channels": len({one["name"] for decode in decodes for one in decode.channels if one["role"] != "ignored"}),
+        "channels": len(known_channels(facts, session)),
         "quarantined": sum(one.balance.get(key, 0) for one in decodes for key in ("rejected", "wrong_length")),
     }
+
+
+def known_channels(facts: Facts, session: SessionRecorded) -> list[str]:
+    """The channels that a session's logs know of, with or without values, but for those that are ignored."""
+    decodes = [facts.decodes[file["decode"]] for file in session.files]
+    return list(dict.fromkeys(one["name"] for decode in decodes for one in decode.channels if one["role"] != "ignored"))
 
 
 def _quarantined(facts: Facts) -> list[dict[str, Any]]:

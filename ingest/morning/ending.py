@@ -120,7 +120,7 @@ def _of_load(warm: Sequence[ChannelData], off_ns: int, end_ns: int, kind: str) -
     way = "warmed" if rate > 0 else "cooled"
     went = f"{way} by {abs(rate):.1f} K/h in the last {seconds(LOOKED_s)} of load"
     if end_ns - off_ns <= TAIL_s * 1e9:
-        return SessionEnd("log ends", f"the log ends under load; {name} {went}")
+        return SessionEnd("log ends", f"under load; {name} {went}")
     if kind == "s1" and rate - 2 * sd > STEADY_K_per_h:
         return SessionEnd("not steady", f"{name} still {went}")
     return SessionEnd("unknown", f"the load went off {seconds((end_ns - off_ns) / 1e9)} before the log's end")

@@ -16,7 +16,7 @@ from ingest.bench.derating import DeratingRule
 from ingest.catalogue.channels import ChannelData
 from ingest.catalogue.description import SessionDescription
 from ingest.catalogue.looked import look
-from ingest.catalogue.show import described
+from ingest.catalogue.show import described, known_channels
 from ingest.errors import IngestError
 from ingest.facts import facts as ledger_facts
 from ingest.facts.events import SessionRecorded
@@ -115,18 +115,12 @@ def _night(store: Store, facts: Facts, session: SessionRecorded, past: Held | No
     seen = look(store, facts, session)
     channels = usable(seen)
     before = next(_before(channels, session, (store, facts), past), None)
-    faults = [*alone(seen.channels, seen.qualities, _known(facts, session)), *jumping(channels)]
+    faults = [*alone(seen.channels, seen.qualities, known_channels(facts, session)), *jumping(channels)]
     if before:
         faults += since_before(before.comparison.channels, before.name)
     end = broken_off(before.name, before.comparison) if before else None
     end = end or ended(channels, session.kind, _limits(store, facts, session))
     return Night(described(facts, session, seen), end, tuple(faults), before, channels)
-
-
-def _known(facts: Facts, session: SessionRecorded) -> list[str]:
-    """The channels that a session's logs know of, with or without values, but for those that are ignored."""
-    decodes = [facts.decodes[file["decode"]] for file in session.files]
-    return list(dict.fromkeys(one["name"] for decode in decodes for one in decode.channels if one["role"] != "ignored"))
 
 
 def _limits(store: Store, facts: Facts, session: SessionRecorded) -> Sequence[DeratingRule]:

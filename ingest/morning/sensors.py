@@ -23,7 +23,7 @@ import numpy as np
 
 from ingest.catalogue.channels import ChannelData, current, find
 from ingest.catalogue.kinds import CURRENT_A, STANDSTILL_rpm
-from ingest.catalogue.quality import OF_NO_SENSOR, ChannelQuality, findings, seconds
+from ingest.catalogue.quality import OF_NO_SENSOR, ChannelQuality, findings, seconds, without_value
 from ingest.facts.events import QualityFlagged
 from ingest.morning.differences import BIAS_K, ChannelDifference, is_around
 from ingest.morning.jumps import jumps_together
@@ -53,7 +53,7 @@ def alone(
 ) -> list[SensorFault]:
     """What the channels of a session say by themselves. `known`: names of those that its logs hold."""
     there = {one.spec.name for one in channels if len(one.t_ns)}
-    silent = [SensorFault(name, "silent", f"{name} has no value at all") for name in known if name not in there]
+    silent = [SensorFault(name, "silent", without_value(name)) for name in known if name not in there]
     dead = {one.channel: one for one in _dead(channels, qualities)}
     flags = [
         flag for flag in findings(qualities) if flag.flag not in OF_NO_SENSOR and flag.detail["channel"] not in dead

@@ -111,9 +111,11 @@ LONG = "<b>stator</b>\u202e" + "x" * 200
 LIVES = [(230.0, 300.0, 340.0), (230.0, 280.0, 300.0), (210.0, 900.0, 1100.0), (210.0, 1000.0, None)]
 
 
-def course(name: str, percent_per_100h: float, batch: str | None = None, checks: int = 9) -> Specimen:
+def course(
+    name: str, percent_per_100h: float, batch: str | None = None, checks: int = 9, hours: float = 160.0
+) -> Specimen:
     """A specimen whose R rises evenly, with the form that was fitted to it."""
-    dose = np.linspace(0.0, 160.0, checks)
+    dose = np.linspace(0.0, hours, checks)
     r = 0.02 * np.exp(percent_per_100h / 1e4 * dose)
     made = [
         replace(CHECK, number=i, dose_h=float(h), resistance_K_per_W=float(k), sd_percent=1.0)

@@ -109,7 +109,9 @@ def assess(
     dose, y, s = dose[order], y[order], s[order]
     distinct = np.unique(dose)
     if len(distinct) < LEAST_DOSES:
-        return unknown(f"different doses: {len(distinct)}; {LEAST_DOSES} are needed at least")
+        return unknown(
+            f"checks at {len(distinct)} different dose{'s' * (len(distinct) != 1)}: at least {LEAST_DOSES} are needed"
+        )
     span = float(distinct[-1] - distinct[0])
     places, x = (distinct - distinct[0]) / span, (dose - dose[0]) / span
     coarse = courses_of_all(places, x, COARSE_TURNS).wider(y)

@@ -31,16 +31,26 @@ STEP = 1e-4  # of the differences that the search takes its slopes from
 MOST, ZERO = 1e3, 1e-4  # relative standard deviations: the highest, and what counts as none (as in lme4)
 LEAST_FOR_BENDS = 20  # specimens
 BENDS = (0.25, 0.5, 0.75)  # quantiles of the checks' doses
+TOLD = 5e-3  # share of a bent line's columns that is their own
 CHANCE = 0.01
 STRAIGHT: Floats = np.empty(0)  # no dose at which the common course bends
 
 
 def bends(dose_h: ArrayLike, specimens: int) -> Floats:
-    """Doses [h] at which the course that all specimens share may bend: quartiles of the checks' doses, none for few
-    specimens."""
+    """Doses [h] at which the course that all specimens share may bend: quartiles of the checks' doses, fewer of them
+    where checks at the same few doses do not tell so many, none for few specimens."""
     dose = np.asarray(dose_h, np.float64)
     knots = np.unique(np.quantile(dose, BENDS)) if specimens >= LEAST_FOR_BENDS else np.empty(0)
-    return np.asarray(knots[(knots > dose.min()) & (knots < dose.max())], np.float64)
+    knots = knots[(knots > dose.min()) & (knots < dose.max())]
+    while len(knots) and not _told(bent_line(dose, knots)):
+        knots = np.delete(knots, len(knots) // 2)
+    return np.asarray(knots, np.float64)
+
+
+def _told(line: Floats) -> bool:
+    """Whether no column (n, k) follows from the others, but for what doses scatter by."""
+    sizes = np.linalg.svd(line / np.linalg.norm(line, axis=0), compute_uv=False)
+    return bool(sizes[-1] > TOLD * sizes[0])
 
 
 def bent_line(dose_h: ArrayLike, knots: Floats) -> Floats:

@@ -18,6 +18,7 @@ from ingest.catalogue.kinds import STANDSTILL_rpm
 from ingest.catalogue.power import RPM
 from ingest.texts.nearest import hint
 from ingest.texts.quantities import STORED_UNIT, column_suffix
+from ingest.texts.times import clock
 from replay.engine.frame.inputs import InputSamples, bridge, longest_stretch, pieces
 from replay.engine.frame.meters import SHAFT, measurands
 from replay.engine.frame.observations import Meter, Observation, observe
@@ -237,10 +238,21 @@ def _edges(
         known_s = (end - start) / 1e9
         raise ReplayDataError(f"inputs overlap for {known_s:.0f} s only: too little to replay. See `whyhot show`.")
     recorded = [c.t_ns for c in channels if c.t_ns.size and c.spec.role != "ignored"]
-    whole_ns = max(int(t[-1]) for t in recorded) - min(int(t[0]) for t in recorded)
+    first_ns = min(int(t[0]) for t in recorded)
+    whole_ns = max(int(t[-1]) for t in recorded) - first_ns
     left_out = (whole_ns - (end - start)) / 1e9
-    note = f"{left_out:.0f} s left out: inputs are silent for more than 10 minutes, or not all there"
-    return start + step_ns * np.arange(steps + 1, dtype=np.int64), note if left_out > 60 else None
+    note = _left_out(start - first_ns, end - first_ns, whole_ns) if left_out > 60 else None
+    return start + step_ns * np.arange(steps + 1, dtype=np.int64), note
+
+
+def _left_out(start_ns: int, end_ns: int, whole_ns: int) -> str:
+    """What of a session is replayed, and why not all of it; all times of a run count from where it begins."""
+    begin, end, whole = (clock(ns / 1e9) for ns in (start_ns, end_ns, whole_ns))
+    counted = f"; times count from {begin}" if start_ns else ""
+    return (
+        f"{begin} to {end} of {whole} replayed: elsewhere inputs are silent for more than 10 minutes, or not all "
+        f"there{counted}"
+    )
 
 
 def _averages(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from replay.show.plots.plots import WIDTH
 from replay.show.words import words
 from replay.show.words.courses import form
-from replay.show.words.figure import BEHIND, FigureTable, Plot, fitting, inline_svg, style
+from replay.show.words.figure import BEHIND, FigureTable, Plot, fitting, inline_svg, style, tick
 from replay.show.words.palette import COLOURS, INK, SOFT
 from replay.studies.ageing.assessment import Assessment, Batch, Density, Specimen
 
@@ -73,6 +73,7 @@ def courses(found: Assessment, title: str) -> Plot | None:
             if i + COLUMNS >= len(drawn):
                 ax.tick_params(labelbottom=True)
                 ax.set_xlabel(f"hours above {found.threshold_degC:g} °C")
+                ax.xaxis.set_major_formatter(tick)
         figure.text(0.012, 0.5, "R, % of the first", rotation=90, va="center")
         svg = inline_svg(figure, title)
     left = len(found.specimens) - len(drawn)
@@ -93,6 +94,7 @@ def density(found: Assessment) -> Plot | None:
         ax = figure.add_axes((0.1, 0.16, 0.88, 0.8))
         draw_density(ax, found.whole.density)
         ax.set_xlabel(f"hours above {found.threshold_degC:g} °C")
+        ax.xaxis.set_major_formatter(tick)
         ax.set_ylabel("R, % of the first")
         svg = inline_svg(figure, title)
     return Plot(title, svg, DENSITY_NOTE, _density_table(found.whole.density))
@@ -200,9 +202,10 @@ def forest(found: Assessment) -> Plot | None:
         ax.set_xlabel(f"change of R per 100 h above {found.threshold_degC:g} °C [%]")
         svg = inline_svg(figure, title)
     note = (
-        "Dots: a specimen's slope, as its own checks and those of its fleet say together, with 95 %. Diamonds: the "
-        "mean of a batch, with how far it is above the other batches in standard deviations; how many specimens it has "
-        "stands behind its name. Orange: stands out."
+        "Dots: a specimen's slope from its last check on, as its own checks and those of its fleet say together, with "
+        "95 %. Diamonds: the mean slope of a batch over all its checks, which is another where courses bend, with how "
+        "far it is above the other batches in standard deviations; how many specimens it has stands behind its name. "
+        "Orange: stands out."
     )
     left = found.whole.specimens - len(shown)
     return Plot(title, svg, note + (f" {left:,} more are not drawn." if left else ""), _forest_table(known, batches))
@@ -235,7 +238,7 @@ def _draw_forest(ax: Axes, shown: Sequence[Specimen], batches: Mapping[str | Non
             colour = COLOURS[1] if batch.outlying else INK[0]
             ax.plot(batch.slope_percent_per_100h, len(labels), marker="D", markersize=6, color=colour)
             if batch.score is not None:
-                says = f"{batch.score:+.1f} sd".replace("-", "−")
+                says = f"{words.signed(batch.score)} sd"
                 ax.annotate(says, (batch.slope_percent_per_100h, len(labels)), **BEHIND | {"xytext": (7, 0)})
             labels.append(fitting(f"batch {batch.batch}, {batch.specimens}", 20))
         before = one.batch
@@ -264,4 +267,4 @@ def _forest_table(known: Sequence[Specimen], batches: Mapping[str | None, Batch]
 
 def _cell(value: float | None, digits: int) -> str:
     """A number in a table; a dash where there is none. What rounds to nothing has no sign."""
-    return "–" if value is None else f"{round(value, digits) or 0.0:.{digits}f}".replace("-", "−")
+    return "–" if value is None else words.fixed(value, digits)

@@ -225,7 +225,7 @@ def _table(run: Run, several: Sequence[Overlaid]) -> FigureTable:
         readings = {overlaid.reading: overlaid.first} | ({"corrected": overlaid.corrected} if overlaid.moved else {})
         for label, observed in readings.items():
             head.append(f"{node} {label} [°C]")
-            cells.append([f"{v:.1f}" for v in observed.measured[nearest(observed, at_ns)]])
+            cells.append([words.fixed(v) for v in observed.measured[nearest(observed, at_ns)]])
         for key, observed in overlaid.models.items():
             head.append(f"{words.name(observed.node)} {MODELS[key].label} [K]")
             cells.append(residual_cells(observed, nearest(observed, at_ns)))

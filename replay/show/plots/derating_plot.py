@@ -80,5 +80,5 @@ def _table(run: Run, rule: Derating, t: Mapping[str, Floats], degC: Mapping[str,
     cells = [[f"{value:.2f}" for value in at]]
     for key in ("sensor", "hot spot"):
         values = np.interp(at, t[key], degC[key])
-        cells += [[f"{value:.1f}" for value in values], [f"{100 * value:.0f}" for value in rule.factor(values)]]
+        cells += [[words.fixed(value) for value in values], [f"{100 * value:.0f}" for value in rule.factor(values)]]
     return FigureTable(head, tuple(zip(*cells, strict=True)))

@@ -24,7 +24,7 @@ from replay.show.plots.cells import (
     round_centres,
     round_edges,
 )
-from replay.show.plots.plots import WIDTH
+from replay.show.plots.plots import WIDTH, time_axis
 from replay.show.words import words
 from replay.show.words.figure import FigureTable, Plot, inline_svg, name_lines, style, tick
 from replay.show.words.palette import COLOURS, DASHES, DIVERGING, SOFT
@@ -73,10 +73,14 @@ def _cell_name(cells: Cells, i: int, j: int, load: str) -> str:
 
 
 def _span(edges: Floats, cell: int) -> str:
-    return f"{words.number(edges[cell])} to {words.number(edges[cell + 1])}"
+    """As they are: a cell from 12.5 to 37.5 A is none from 12 to 38 A."""
+    return " to ".join(tick(edge, None) for edge in edges[cell : cell + 2].tolist())
 
 
 def _off(node: str, value: float) -> str:
+    """ "Rotor: model 4.4 K too cold"; where no digit that is shown is left, that."""
+    if words.signed(value) == words.signed(0.0):
+        return f"{words.capital(words.name(node))}: model within 0.05 K everywhere, worst"
     way = "too cold" if value > 0 else "too hot"
     return f"{words.capital(words.name(node))}: model {words.kelvin(abs(value))} {way}"
 
@@ -124,10 +128,11 @@ def _draw_map(axes: Axes, node: str, cells: Cells, colours: ScalarMappable) -> N
     axes.set_title(words.capital(words.name(node)), fontsize=8.5, loc="left", pad=3)
     axes.set_xticks(_centres(cells.x_edges)[:: 2 if cells.x_edges.size > 5 else 1])
     axes.set_yticks(_centres(cells.y_edges))
-    axes.set_xlim(cells.x_edges[0], cells.x_edges[-1])
+    x_edges = np.r_[-cells.x_edges[1], cells.x_edges[1:]]  # around 0 as wide as elsewhere: room for its number
+    axes.set_xlim(x_edges[0], x_edges[-1])
     axes.set_ylim(cells.y_edges[0], cells.y_edges[-1])
     axes.xaxis.set_major_formatter(tick)
-    draw_cells(axes, cells.x_edges, cells.y_edges, cells.mean, colours)
+    draw_cells(axes, x_edges, cells.y_edges, cells.mean, colours)
 
 
 def draw_cells(axes: Axes, x_edges: Floats, y_edges: Floats, values: Floats, colours: ScalarMappable) -> None:
@@ -164,10 +169,11 @@ def error_along(runs: Sequence[Run]) -> Plot | None:
     if not pools:
         return None
     hot = _edges([pool.measured for pool in pools.values()], 10)
-    late = _edges([pool.since_start / 60 for pool in pools.values()], 12)
+    time = time_axis(max(runs, key=lambda run: int(run.t_ns[-1] - run.t_ns[0])))
+    late = _edges([pool.since_start / time.unit_s for pool in pools.values()], 12)
     by_temperature = {node: along(pool, pool.measured, hot) for node, pool in pools.items()}
-    by_time = {node: along(pool, pool.since_start / 60, late) for node, pool in pools.items()}
-    both = [(by_temperature, hot, "measured temperature [°C]"), (by_time, late, "time since start [min]")]
+    by_time = {node: along(pool, pool.since_start / time.unit_s, late) for node, pool in pools.items()}
+    both = [(by_temperature, hot, "measured temperature [°C]"), (by_time, late, time.label)]
     shown = [panel for panel in both if any(np.isfinite(mean).any() for mean in panel[0].values())]
     if not shown:
         return None

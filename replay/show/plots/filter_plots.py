@@ -150,7 +150,7 @@ def _channel_table(run: Run, channel: Observed, filtered: Filtered, time: TimeAx
     }
     head = (time.label, *(f"{name} [°C]" for name in degC), *watts)
     numbers = [*(values[i] for values in degC.values()), *(values[k] for values in watts.values())]
-    cells = [[f"{t:.2f}" for t in time.of(channel.t_ns[i])], *([f"{v:.1f}" for v in values] for values in numbers)]
+    cells = [[f"{t:.2f}" for t in time.of(channel.t_ns[i])], *([words.fixed(v) for v in values] for values in numbers)]
     return FigureTable(head, tuple(zip(*cells, strict=True)))
 
 
@@ -202,5 +202,5 @@ def _table(run: Run, filtered: Filtered, time: TimeAxis) -> FigureTable:
     if smooth:
         columns |= {"smoothed [W]": smooth.heat_W[i], "standard deviation smoothed [W]": smooth.heat_sd_W[i]}
         columns["smoothed [°C]"] = smooth.temperatures[i + 1, node]
-    cells = [[f"{t:.2f}" for t in time.of(run.t_ns[i + 1])], *([f"{v:.1f}" for v in c] for c in columns.values())]
+    cells = [[f"{t:.2f}" for t in time.of(run.t_ns[i + 1])], *([words.fixed(v) for v in c] for c in columns.values())]
     return FigureTable((time.label, *columns), tuple(zip(*cells, strict=True)))

@@ -103,13 +103,10 @@ def _table(losses: HeatBalance) -> FigureTable:
     rows += _rows("stored in", losses.stored)
     rows.append(("left over: rounding", "", losses.left_J))
     whole = losses.energy_J
-    shown = tuple((kind, what, f"{energy / 1e3:,.3g}", _tenths(100 * energy / whole)) for kind, what, energy in rows)
+    shown = tuple(
+        (kind, what, f"{energy / 1e3:,.3g}", words.fixed(100 * energy / whole)) for kind, what, energy in rows
+    )
     return FigureTable(("heat", "where", "energy [kJ]", "share [%]"), shown)
-
-
-def _tenths(value: float) -> str:
-    """ "98.7"; what rounds to nothing has no sign."""
-    return f"{round(value, 1) or 0.0:.1f}"
 
 
 def _rows(

@@ -80,7 +80,7 @@ def _table(time: TimeAxis, channels: Sequence[ChannelData]) -> FigureTable:
     cells = [[f"{t:.2f}" for t in time.of(at)]]
     for one in channels:
         nearest = np.clip(np.searchsorted(one.t_ns, at), 0, len(one.t_ns) - 1)
-        cells.append([f"{value:,.1f}" for value in one.value[nearest]])
+        cells.append([words.fixed(value) for value in one.value[nearest]])
     return FigureTable(head, tuple(zip(*cells, strict=True)))
 
 
@@ -160,5 +160,5 @@ def beside(before: Before, key: str, columns: int) -> Plot | None:
     head = (f"time since start [{unit}]", *(f"{o.channel} {w} [°C]" for o in courses for w in ("now", "before")))
     cells = [[f"{t:.2f}" for t in courses[0].t_s[at] / unit_s]]
     for one in courses:
-        cells += [[f"{value:.1f}" for value in one.second[at]], [f"{value:.1f}" for value in one.first[at]]]
+        cells += [[words.fixed(value) for value in one.second[at]], [words.fixed(value) for value in one.first[at]]]
     return Plot(title, svg, "", FigureTable(head, tuple(zip(*cells, strict=True))))

@@ -118,7 +118,7 @@ def over_time(run: Run, group: Sequence[Observed], columns: int) -> Plot:
     """Measured and model of a group of channels over time, and residuals below; `columns` to thin to."""
     mine = {observed.channel for observed in group}
     worst = next(error for error in worst_first(run.summary) if error.channel in mine)
-    title = finding(worst)
+    title = finding(worst, run.summary)
     with style(f"{run.session} {group[0].channel}"):
         figure, (upper, lower, *below) = panels(WIDTH, (1.3, 0.75, *strip(run)))
         draw_temperatures(upper, run, group, columns)
@@ -171,7 +171,7 @@ def draw_driving(below: Sequence[Axes], run: Run, columns: int) -> None:
 def draw_temperatures(axes: Axes, run: Run, group: Sequence[Observed], columns: int) -> None:
     """Measured solid, model dashed, one colour a channel, names at the right."""
     time, ends = time_axis(run), []
-    for observed, name, colour, dashes in zip(group, _names(group), COLOURS, DASHES, strict=False):
+    for observed, name, colour, dashes in zip(group, _names(run, group), COLOURS, DASHES, strict=False):
         own: Any = {"color": colour, "linewidth": 1.4, "gid": named(f"{name} measured [°C]")}
         draw(axes, time, observed.t_ns, observed.measured, columns, observed.used, **own)
         own = {"color": colour, "linewidth": 1.1, "linestyle": dashes, "gid": named(f"{name} model [°C]")}
@@ -206,7 +206,7 @@ def draw_residuals(axes: Axes, run: Run, group: Sequence[Observed], columns: int
     """Measured minus model [K]."""
     time, ends = time_axis(run), []
     around_zero(axes, *sorted({round(observed.floor_K, 3) for observed in group}))
-    for observed, name, colour, dashes in zip(group, _names(group), COLOURS, ("-", *DASHES[1:]), strict=False):
+    for observed, name, colour, dashes in zip(group, _names(run, group), COLOURS, ("-", *DASHES[1:]), strict=False):
         residual = observed.residual
         own: Any = {"color": colour, "linestyle": dashes, "linewidth": 1.1, "gid": named(f"{name} residual [K]")}
         draw(axes, time, observed.t_ns, residual, columns, observed.used, **own)
@@ -216,8 +216,8 @@ def draw_residuals(axes: Axes, run: Run, group: Sequence[Observed], columns: int
         name_lines(axes, ends)
 
 
-def _names(group: Sequence[Observed]) -> list[str]:
-    nodes = [observed.node for observed in group]
+def _names(run: Run, group: Sequence[Observed]) -> list[str]:
+    nodes = [observed.node for observed in run.observed]
     return [words.name(o.node) if nodes.count(o.node) == 1 else o.channel for o in group]
 
 
@@ -255,14 +255,14 @@ def _draw_inputs(axes: Axes, unit: str, series: Mapping[str, tuple[Floats, Float
 
 
 def _table(run: Run, group: Sequence[Observed]) -> FigureTable:
-    time, names = time_axis(run), _names(group)
+    time, names = time_axis(run), _names(run, group)
     at_ns = group[0].t_ns[instants(group[0].t_ns.size)]
     columns = ("measured [°C]", "model [°C]", "difference [K]")
     head = (time.label, *(f"{name} {what}" for name in names for what in columns))
     cells = [[f"{t:.2f}" for t in time.of(at_ns)]]
     for observed in group:
         i = nearest(observed, at_ns)
-        cells += [[f"{v:.1f}" for v in observed.measured[i]], [f"{v:.1f}" for v in observed.modelled[i]]]
+        cells += [[words.fixed(v) for v in observed.measured[i]], [words.fixed(v) for v in observed.modelled[i]]]
         cells.append(residual_cells(observed, i))
     return FigureTable(head, tuple(zip(*cells, strict=True)))
 
@@ -280,7 +280,7 @@ def _input_table(run: Run, names: Sequence[str]) -> FigureTable:
     time = time_axis(run)
     i = instants(run.t_ns.size - 1)
     head = (time.label, *(f"{words.name(n.rpartition('_')[0])} [{AXES[n.rpartition('_')[2]][1]}]" for n in names))
-    cells = [[f"{t:.2f}" for t in time.of(run.t_ns[i])], *([f"{v:,.1f}" for v in run.inputs[n][i]] for n in names)]
+    cells = [[f"{t:.2f}" for t in time.of(run.t_ns[i])], *([words.fixed(v) for v in run.inputs[n][i]] for n in names)]
     return FigureTable(head, tuple(zip(*cells, strict=True)))
 
 
@@ -296,7 +296,7 @@ def picture(runs: Sequence[Run], target: Path) -> None:
         draw_temperatures(upper, run, group, 900)
         draw_residuals(lower, run, group, 900)
         over_session(lower, run)
-        figure.text(LEFT, 0.96, finding(worst), fontsize=11, fontweight="bold", va="center")
+        figure.text(LEFT, 0.96, finding(worst, run.summary), fontsize=11, fontweight="bold", va="center")
         says = f"session {run.session_name}, model {run.motor}, open loop"
         upper.set_title(says, fontsize=8.5, color=SOFT[0], loc="right")
         save(figure, target)

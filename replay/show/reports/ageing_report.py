@@ -8,6 +8,7 @@ from replay.show.plots.ageing_plots import courses, density, forest
 from replay.show.plots.lives_plots import arrhenius, survival
 from replay.show.reports.report import ReportContext
 from replay.show.verbs import ageing
+from replay.show.words import words
 from replay.show.words.page import template
 from replay.studies.ageing.assessment import Assessment
 
@@ -38,7 +39,13 @@ def courses_title(found: Assessment) -> str:
     changed = [one for one in found.specimens if one.significant and one.slope_percent_per_100h is not None]
     many = ageing.how_many_change(found.whole)
     if not changed:
-        return many if found.whole.changed else "No specimen changes beyond repeatability"
-    worst = max(changed, key=lambda one: one.slope_percent_per_100h or 0.0)
-    steepest = f"{worst.slope_percent_per_100h:+.1f} % per 100 h".replace("-", "−")
+        return _unchanged(found) if not found.whole.changed else many
+    worst = max(changed, key=lambda one: abs(one.slope_percent_per_100h or 0.0))
+    steepest = f"{words.signed(worst.slope_percent_per_100h or 0.0)} % per 100 h"
     return f"{many} beyond repeatability: {worst.specimen} most, R {steepest}"
+
+
+def _unchanged(found: Assessment) -> str:
+    if not any(one.fitted for one in found.specimens):
+        return "Too few checks of a specimen for a course"
+    return "No specimen changes beyond repeatability"

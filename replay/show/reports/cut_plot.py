@@ -258,5 +258,5 @@ def _table(course: CutCourse, named: Sequence[tuple[str, ...]]) -> FigureTable:
     rows = []
     for i in range(0, INSTANTS, INSTANTS // TABLE_ROWS):
         left = [_kelvin(float(values[i])).removesuffix(" K") for values in course.left_K.values()]
-        rows.append((course.times[i], *left, *(f"{course.flows_W[pair][i]:.1f}" for pair in told)))
+        rows.append((course.times[i], *left, *(words.fixed(course.flows_W[pair][i]) for pair in told)))
     return FigureTable(head, tuple(rows))

@@ -79,4 +79,6 @@ def _title(test: ForeseenTest, to: str) -> str:
 def _table(test: ForeseenTest, causes: list[str]) -> FigureTable:
     head = ("time [min]", *(f"{_called(name, causes)} [°C]" for name in test.reads))
     rows = zip(test.t_s, *test.reads.values(), strict=True)
-    return FigureTable(head, tuple((f"{row[0] / 60:.1f}", *(f"{value:.2f}" for value in row[1:])) for row in rows))
+    return FigureTable(
+        head, tuple((f"{row[0] / 60:.1f}", *(words.fixed(value, 2) for value in row[1:])) for row in rows)
+    )

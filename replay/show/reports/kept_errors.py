@@ -91,9 +91,9 @@ def coefficients_suffice(gains: Sequence[KeptGain]) -> bool:
     return rise_K(furthest_first(gains)[0], False) < 0 and max(rise_K(gain, False) for gain in gains) < WORSE_K
 
 
-def course(gain: KeptGain, named: bool) -> str:
+def course(gain: KeptGain, named: bool, causes: int) -> str:
     """ "falls from 8.1 K as published to 1.4 K recalibrated and 0.9 K with the cause"; "to 0.7 K recalibrated, where
-    the cause leaves it"."""
+    the cause leaves it"; of several `causes` "with the causes"."""
     told = told_first(gain, named)
     if left := abs(_taken_K(gain, named)) < WORSE_K and "after" in told:
         del told["after"]
@@ -101,8 +101,9 @@ def course(gain: KeptGain, named: bool) -> str:
     first, *later = [f"{figure} K {STAGES[stage]}" for figure, stage in zip(errors_K, told, strict=True)]
     rose = list(told.values())[-1] - told["published"]
     verb = "rises" if rose >= WORSE_K else "falls" if rose <= -WORSE_K else "goes"
-    ends = ", where the cause leaves it" * left + ", fitted" * (not replayed(gain))
-    return f"{verb} from {first} to {words.joined(later)}{ends}"
+    leave = "the cause leaves" if causes < 2 else "the causes leave"
+    ends = f", where {leave} it" * left + ", fitted" * (not replayed(gain))
+    return f"{verb} from {first} to {words.joined(later)}{'s' * (causes > 1 and 'after' in told)}{ends}"
 
 
 def _taken_K(gain: KeptGain, named: bool) -> float:
@@ -132,7 +133,8 @@ def on_kept(diagnosis: Diagnosis) -> str:
         at = f"{words.name(worst.node)} {errors(worst, stages(False), moved(worst))}"
         return f"recalibration makes the kept sessions worse: {at}; its files are not offered"
     most = furthest_first(gains)[0]
-    told = f"on kept sessions the {words.name(most.node)}'s error {course(most, named)}{_elsewhere(most, gains, named)}"
+    told = f"on kept sessions the {words.name(most.node)}'s error {course(most, named, len(diagnosis.causes))}"
+    told += _elsewhere(most, gains, named)
     worst = max(gains, key=lambda gain: rise_K(gain, named))
     if rise_K(worst, named) < WORSE_K:
         return told

@@ -67,10 +67,11 @@ def answer(found: Assessment) -> str:
 
 def how_many_change(whole: FleetCounts) -> str:
     """How many specimens change, and of how many, in words."""
-    many = f"{sum(whole.changed.values()):,}"
+    many = sum(whole.changed.values())
+    does = "changes" if many == 1 else "change"
     if whole.weighed == whole.specimens:
-        return f"{many} of {whole.specimens:,} change"
-    return f"{many} of {whole.weighed:,} that were drawn by chance change"
+        return f"{many:,} of {whole.specimens:,} {does}"
+    return f"{many:,} of {whole.weighed:,} that were drawn by chance {does}"
 
 
 def course(one: Specimen) -> str:
@@ -140,7 +141,7 @@ def _specimen_row(one: Specimen) -> tuple[str, ...]:
 def _apart(one: Specimen) -> str:
     if not one.outlying:
         return ""
-    return "stands out" if one.score is None else f"stands out ({one.score:+.2g} sd)"
+    return "stands out" if one.score is None else f"stands out ({one.score:+.2g} sd)".replace("-", "−")
 
 
 def _batches(found: Assessment) -> Iterator[str]:
@@ -151,7 +152,7 @@ def _batches(found: Assessment) -> Iterator[str]:
 
 
 def _batch_row(one: Batch) -> tuple[str, ...]:
-    above = "-" if one.score is None else f"{one.score:+.1f} sd".replace("-", "−")
+    above = "-" if one.score is None else f"{words.signed(one.score)} sd"
     figures = (str(one.specimens), _percent_per_100h(one.slope_percent_per_100h), above)
     return one.batch, *figures, "stands out" if one.outlying else ""
 

@@ -10,7 +10,7 @@ from ingest.catalogue.quality import seconds
 from ingest.facts.events import DecodeCompleted, QualityFlagged, SessionRecorded
 from ingest.intake.intake import Intake, Taken
 from ingest.texts.names import handle
-from replay.show.words.words import joined, size
+from replay.show.words.words import counted, joined, size
 
 REPEATED = ("held", "stuck", "saturated")  # flags of a channel that gives one value again and again
 Home = tuple[str, str | None]  # of a channel: its file, its bus
@@ -67,7 +67,7 @@ def _lines(intake: Intake, taken: Taken, decode: DecodeCompleted) -> list[str]:
         return [f"{taken.name}   {size(taken.size)}   quarantined   {state}"]
     mine = [s for s in intake.sessions if any(f["raw"] == taken.raw for f in s.files)]
     where = "".join(f"   session {s.name} ({s.kind}: {s.kind_why})" for s in mine[:1])
-    more = f" and {len(mine) - 1} more sessions" if len(mine) > 1 else ""
+    more = f" and {counted(len(mine) - 1, 'more session')}" if len(mine) > 1 else ""
     of = "read" if decode.outcome == "salvaged" else "in the file"
     return [
         f"{taken.name}   {size(taken.size)}   {balance['found']:,} {taken.holds}   {state}",

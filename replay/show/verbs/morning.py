@@ -105,7 +105,8 @@ def of_logs(night: Night) -> list[str]:
     """What is wrong with stamps and files of a session, as facts say it: all findings that are of no channel."""
     one = night.description
     mine = [f"{channel.name} " for channel in one.channels]
-    others = [says for says in one.findings if not any(says.startswith(name) for name in mine)]
+    sensors = {fault.says for fault in night.sensors}
+    others = [says for says in one.findings if says not in sensors and not any(map(says.startswith, mine))]
     return [says for says in others if not (one.power and says == one.power.says)]
 
 

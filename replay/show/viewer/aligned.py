@@ -19,6 +19,7 @@ from replay.show.viewer.passes import passes
 from replay.show.viewer.seen import SessionSeen, path, sdk, unit
 from replay.show.words import words
 from replay.show.words.palette import SERIES
+from replay.show.words.thin import open_holes
 
 MEASURED_WIDTH, MODEL_WIDTH = 2.4, 1.0
 COLOURS = [dark for _, dark in SERIES.values()]
@@ -88,7 +89,7 @@ def _session(to: LayerFile, seen: SessionSeen, zero: int, colour: str) -> None:
         says = f"{name}: {channel.spec.name} [{unit(channel.spec)}]"
         if where := _where(channel):
             place, t_ns = path(*where, name, channel.spec.name), channel.t_ns - zero
-            to.line(place, says, colour, MEASURED_WIDTH, t_ns, channel.value)
+            to.line(place, says, colour, MEASURED_WIDTH, *open_holes(t_ns, channel.value))
     if not seen.last:
         return
     role, run = seen.last

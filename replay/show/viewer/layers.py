@@ -38,6 +38,7 @@ from replay.show.viewer.seen import (
 )
 from replay.show.words import words
 from replay.show.words.findings import answer, finding, worst_first
+from replay.show.words.thin import open_holes
 
 BAND_SD = 2.0  # the band holds 95 % where the errors are normal
 WIDE, MIDDLE, THIN = 2.4, 1.5, 0.8  # of lines
@@ -77,7 +78,7 @@ def _measured(to: LayerFile, seen: SessionSeen) -> None:
         beside.phases(to, channel)
         if channel.spec.quantity != "state":
             where, says = measured_path(channel), f"{channel.spec.name} [{unit(channel.spec)}]"
-            to.line(where, says, MEASURED, WIDE, channel.t_ns, channel.value)
+            to.line(where, says, MEASURED, WIDE, *open_holes(channel.t_ns, channel.value))
 
 
 def measured_path(channel: ChannelData) -> str:
@@ -170,7 +171,8 @@ def _says(seen: SessionSeen) -> str:
         full = [one for one in seen.channels if one.t_ns.size]
         rows = "\n".join(f"- {c.spec.name}: {c.spec.quantity}, {c.t_ns.size:,} samples" for c in full)
         return f"# {session.name}\n{session.kind} ({session.kind_why}), {length}\n\n{rows}\n"
-    rows = "\n".join(f"- {finding(error)}" for error in worst_first(run.summary))
+    rows = "\n".join(f"- {finding(error, run.summary)}" for error in worst_first(run.summary))
     model, digest = f"Model {run.motor} {words.short(run.model)}", f"digest {words.short(run.digest)}"
     source = f"{model}, open loop; {digest}. Residual: measured minus model."
+    source += f"\n\n{words.capital(run.summary.note)}." if run.summary.note else ""
     return f"# {run.session_name}\n{answer([run.summary])}\n\n{rows}\n\n{source}\n"

@@ -67,9 +67,11 @@ def compared(summary: Summary) -> list[str]:
         return []
     kept = _ranked(filtered.mae_K, summary)
     if kept:
-        return [_off(one, filtered.mae_K, filtered.smoothed_mae_K, "not read") for one in kept]
+        return [_off(one, filtered.mae_K, filtered.smoothed_mae_K, "not read by the filter") for one in kept]
     read = _ranked(filtered.read_mae_K, summary)[:1]
-    return [_off(one, filtered.read_mae_K, filtered.smoothed_read_mae_K, "read, as all are") for one in read]
+    return [
+        _off(one, filtered.read_mae_K, filtered.smoothed_read_mae_K, "read by the filter, as all are") for one in read
+    ]
 
 
 def worst_compared(summary: Summary) -> str | None:

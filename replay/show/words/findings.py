@@ -38,9 +38,15 @@ def is_moved(error: ChannelErrors) -> bool:
     return error.reading_moved_K is not None and abs(error.reading_moved_K) >= MOVED_K
 
 
-def finding(error: ChannelErrors) -> str:
+def place_of(one: ChannelErrors, summary: Summary) -> str:
+    """Where a channel reads: its node, with its own name where others read there too."""
+    shared = sum(other.node == one.node for other in summary.channels) > 1
+    return f"{words.name(one.node)} ({one.channel})" if shared else words.name(one.node)
+
+
+def finding(error: ChannelErrors, summary: Summary) -> str:
     """ "Rotor: model 4.4 K too cold on average, worst at 3,000 to 4,000 rpm"."""
-    subject = words.capital(words.name(error.node))
+    subject = words.capital(place_of(error, summary))
     if error.within_floor:
         mean, most = mean_error(error), words.kelvin(error.max_K)
         own = words.kelvin(error.floor_K)

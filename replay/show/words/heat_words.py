@@ -72,13 +72,18 @@ def in_brief(summary: Summary) -> list[str]:
     """Winding and magnet with their bands, the one with the least margin first, then other nodes above their limits:
     "winding 171 °C (150 to 192), 9.0 K under its limit"."""
     ranked = sorted(summary.hot_spots.items(), key=lambda item: _urgent(item[1]))
-    told = [_degrees(spot, one) + _beside_limit(one.margin_K) for spot, one in ranked]
+    told = [_degrees(_called(spot, one), one) + _beside_limit(one.margin_K) for spot, one in ranked]
     spots = {one.node for one in summary.hot_spots.values()}
     above = {node: one for node, one in summary.limits.items() if one.above_s > 0 and node not in spots}
     return told + [
         f"{words.name(node)} {one.max_degC:.0f} °C{_beside_limit(one.limit_degC - one.max_degC)}"
         for node, one in above.items()
     ]
+
+
+def _called(spot: str, one: AnySpot) -> str:
+    """Where no place is told beside: a motor of which no node is called so may have no magnet."""
+    return spot if spot in one.node else words.name(one.node)
 
 
 def _urgent(one: AnySpot) -> tuple[float, float]:

@@ -8,15 +8,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
+from ingest.texts.names import first_of
 from ingest.texts.times import clock
 from replay.engine.results.summary import ChannelErrors, Summary
 from replay.show.words import heat_words, words
 from replay.show.words.filter_words import asked_for, checked, left_out
-from replay.show.words.findings import answer, direction, is_moved, mean_error, power_balance, worst_first
+from replay.show.words.findings import answer, direction, is_moved, mean_error, place_of, power_balance, worst_first
 from replay.show.words.width import width
 from twin.filters.by_filterpy import Apart
 
 INDENT = 18
+LEFT_OUT = 3  # sessions of which it is told what was not replayed
 NAME = 40  # characters of a session's name before its line
 NUMBER_AND_UNIT = re.compile(
     r"(?<=\d) (?=(?:K|°C|degC|W|kW|W/K|J/K|A|Nm|rpm|l/min|%|s|min|h)(?!\w))|(?<=\d) (?=-> \d)|(?<=\d ->) (?=\d)"
@@ -34,6 +36,8 @@ def replay_text(
         lines += ["", *_session(summary)]
     for text in power_balance(summaries):
         lines += ["", *labelled("Power balance", text)]
+    if notes := [f"{one.session_name}: {one.note}" for one in summaries if one.note]:
+        lines += ["", *labelled("Left out", first_of(notes, LEFT_OUT, ". "))]
     for label, text in _asked(summaries, checks):
         lines += ["", *labelled(label, text)]
     return "\n".join([*lines, "", *labelled("Next", next_command)])
@@ -86,8 +90,13 @@ def _session(summary: Summary) -> list[str]:
 
 
 def _cut(lead: str, parts: Sequence[str], most: int) -> list[str]:
-    """At most `most` lines as wide as the terminal; "…" where that was too little."""
-    text = lead + "; ".join(parts)
+    """At most `most` lines as wide as the terminal; "…" in place of the last parts where that was too little."""
+    for told in range(len(parts), 0, -1):
+        shown = [*parts[:told], *["…"] * (told < len(parts))]
+        lines = _wrapped(lead + "; ".join(shown), width(), subsequent_indent="    ")
+        if len(lines) <= most:
+            return lines
+    text = lead + "; ".join(parts)  # not even the first one fits
     return _wrapped(text, width(), subsequent_indent="    ", max_lines=most, placeholder=" …") if parts else []
 
 
@@ -105,7 +114,7 @@ def _reading(one: ChannelErrors, degC: float, limit_degC: float | None, summary:
     corrected = " (reading corrected)" if is_moved(one) else ""
     margin = "" if limit_degC is None else f", {heat_words.margin(limit_degC - degC)}"
     at = clock(one.measured_max_at_s or 0.0)
-    return f"{_label(one, summary)} measured up to {degC:.1f} °C at {at}{corrected}{margin}"
+    return f"{place_of(one, summary)} measured up to {degC:.1f} °C at {at}{corrected}{margin}"
 
 
 def _errors(summary: Summary) -> list[str]:
@@ -117,15 +126,10 @@ def _errors(summary: Summary) -> list[str]:
     if fine:
         floor = words.kelvin(max(one.floor_K for one in fine))
         told += [
-            f"{words.joined([_label(one, summary) for one in fine])} within the sensors' own uncertainty ({floor})"
+            f"{words.joined([place_of(one, summary) for one in fine])} within the sensors' own uncertainty ({floor})"
         ]
     return told + [f"{one.masked:,} steps of {one.channel} masked" for one in errors if one.masked]
 
 
 def _wrong(one: ChannelErrors, summary: Summary) -> str:
-    return f"{_label(one, summary)} {mean_error(one)} {direction(one)} ({words.kelvin(one.max_K)} at worst)"
-
-
-def _label(one: ChannelErrors, summary: Summary) -> str:
-    shared = sum(other.node == one.node for other in summary.channels) > 1
-    return f"{words.name(one.node)} ({one.channel})" if shared else words.name(one.node)
+    return f"{place_of(one, summary)} {mean_error(one)} {direction(one)} ({words.kelvin(one.max_K)} at worst)"

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Stamp = TypeVar("Stamp", np.float64, np.int64)
 GAP = 5  # a hole this many median steps long is drawn as a gap
 
 
@@ -25,9 +28,13 @@ def thin(t: Floats, y: Floats, columns: int) -> tuple[Floats, Floats]:
 
 def with_gaps(t: Floats, y: Floats, used: NDArray[np.bool_]) -> tuple[Floats, Floats]:
     """`y` (N,) as NaN where it is not `used`, and a NaN in every hole of `t` that is longer than 5 median steps."""
-    y = np.where(used, y, np.nan)
+    return open_holes(t, np.where(used, y, np.nan))
+
+
+def open_holes(t: NDArray[Stamp], y: Floats) -> tuple[NDArray[Stamp], Floats]:
+    """`y` (N,) with a NaN in every hole of `t` that is longer than 5 median steps."""
     if t.size < 3:
         return t, y
     step = np.diff(t)
     holes = np.flatnonzero(step > GAP * np.median(step)) + 1
-    return np.insert(t, holes, (t[holes - 1] + t[holes]) / 2), np.insert(y, holes, np.nan)
+    return np.insert(t, holes, t[holes - 1] + step[holes - 1] / 2), np.insert(y, holes, np.nan)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
@@ -52,8 +53,15 @@ def signed_kelvin(value: float) -> str:
 
 
 def number(value: float) -> str:
-    """Whole, or with one decimal below 10; thousands with a comma: "3,000", "104", "2.5"."""
-    return f"{value:,.0f}" if abs(value) >= 10 or value == round(value) else f"{value:.1f}"
+    """Whole, or with one decimal below 10; thousands with a comma: "3,000", "104", "2.5", "−20"; zero has no sign."""
+    text = f"{value:,.0f}" if abs(value) >= 10 or value == round(value) else f"{value:.1f}"
+    return text.replace("-", "−") if text.strip("-0.") else text.lstrip("-")
+
+
+def fixed(value: float, digits: int = 1) -> str:
+    """A number in a table, as many digits as its neighbours: "1,234.5", "−1.4"; what rounds to nothing is "0.0", what
+    is not known (NaN) a dash."""
+    return "–" if math.isnan(value) else f"{round(value, digits) or 0.0:,.{digits}f}".replace("-", "−")
 
 
 def rounded(value: float) -> float:

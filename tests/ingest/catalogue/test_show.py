@@ -220,6 +220,12 @@ def test_a_description_holds_everything_that_is_known(store: Store) -> None:
     assert found.sources[0].holds
 
 
+def test_a_sensor_without_a_value_is_to_be_looked_at_and_one_that_is_ignored_is_not(store: Store) -> None:
+    given = values()
+    given["MAG_1"][:] = given["spare"][:] = np.nan
+    assert show.describe(store, *one_session(store, values=given)).findings == ("MAG_1 has no value at all",)
+
+
 def test_the_answer_is_json(store: Store) -> None:
     answer = json.loads(json.dumps(show.describe(store, *one_session(store)).to_json()))
     assert answer["schema"] == "whyhot.show/1"
@@ -241,6 +247,17 @@ def test_the_page_says_kind_sources_channels_power_and_points(store: Store) -> N
     assert (mag[2], mag[-2:]) == ("°C", ["299", "s"])
     assert max(map(len, text.splitlines())) <= 100
     assert max(map(len, page.render(description, width=72).splitlines())) <= 72
+
+
+def test_a_gap_of_all_channels_is_one_line(store: Store) -> None:
+    found = show.describe(store, *one_session(store))
+    silent = [replace(found.channels[0], name=f"T_{i}") for i in range(9)]
+    gaps = [f"{one.name} has no samples for {'15 min' if i < 8 else '3.0 s'}" for i, one in enumerate(silent)]
+    text = page.render(replace(found, channels=silent, findings=("a log is cut", *gaps)))
+    assert (
+        "\n  a log is cut\n  T_0, T_1, T_2 and 5 more have no samples for 15 min\n  T_8 has no samples for 3.0 s\n"
+        in text
+    )
 
 
 def test_noise_has_two_digits_and_no_power_of_ten_and_what_is_best_is_named(store: Store) -> None:
@@ -335,6 +352,13 @@ def test_a_store_without_sessions_at_a_point_says_so(store: Store) -> None:
 def test_a_table_too_wide_loses_the_ends_of_its_widest_column() -> None:
     lines = page.table(("name", "x"), [("a" * 50, "1"), ("b", "22")], width=20, right=(1,))
     assert lines == ["name               x", "a" * 15 + "…   1", "b                 22"]
+
+
+def test_a_column_in_which_nothing_stands_is_not_missed_where_it_does_not_fit() -> None:
+    rows = [("a" * 30, "1", ""), ("b", "22", "")]
+    assert "not shown" not in "\n".join(page.table(("name", "x", "held"), rows, width=16, right=(1,)))
+    told = page.table(("name", "x", "held"), [*rows, ("c", "3", "10 s")], width=16, right=(1,))
+    assert "held" in " ".join(told[4:])
 
 
 def test_a_table_much_too_wide_cuts_no_number_and_names_the_columns_that_it_leaves_out() -> None:

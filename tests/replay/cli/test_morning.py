@@ -69,6 +69,20 @@ def test_the_report_is_one_file_with_pictures_and_the_same_bytes_again(
     assert not re.search(r"(?:src|href)=\"[^#]", page), "it needs no other file"
 
 
+def test_a_sensor_without_a_value_is_told_once_and_is_no_fault_of_the_log(
+    lab: Path, tmp_path: Path, capsys: Capture
+) -> None:
+    head, *rows = (lab / "whole.csv").read_text(encoding="utf-8").splitlines()
+    column = head.split(",").index("T_winding")
+    cells = [row.split(",") for row in rows]
+    text = "\n".join([head, *(",".join([*row[:column], "", *row[column + 1 :]]) for row in cells)])
+    (tmp_path / "dead.csv").write_text(f"{text}\n", encoding="utf-8")
+    words = ["morning", str(tmp_path / "dead.csv"), "--bench", str(lab / "bench.toml"), "--store", str(tmp_path / "s")]
+    assert main(words) == 0
+    told = capsys.readouterr().out
+    assert told.count("T_winding has no value at all") == 1 and "log fault" not in told
+
+
 def test_it_works_without_a_store_and_without_a_bench_file(lab: Path, tmp_path: Path, capsys: Capture) -> None:
     target = tmp_path / "answer.json"
     words = ["morning", str(lab / "night" / "tuesday.csv"), "--store", str(tmp_path / "none"), "--json", str(target)]

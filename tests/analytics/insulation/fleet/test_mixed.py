@@ -161,6 +161,23 @@ def test_a_specimen_with_few_checks_borrows_from_the_rest() -> None:
     assert fit.joint[-1, 3, 3] > 2.0 * np.median(fit.joint[:-1, 3, 3])
 
 
+@pytest.mark.parametrize("scatter_h", [0.0, 0.1])
+@pytest.mark.parametrize("checks", [2, 3, 4, 5])
+def test_courses_of_few_checks_at_the_same_doses_have_as_many_bends_as_these_tell(
+    checks: int, scatter_h: float
+) -> None:
+    """The quartiles of four doses are three doses between them: a line with three bends goes through any four."""
+    random = np.random.default_rng(6)
+    who, dose = np.repeat(np.arange(60), checks), np.tile(np.arange(checks) * 24.0, 60)
+    dose = np.abs(dose + scatter_h * random.standard_normal(len(who)))
+    y = 3e-4 * dose + 5e-6 * dose**2 + 0.01 * random.standard_normal(len(who))
+    fit, knots = mixed.fit_course(who, dose, y, 0.01)
+    assert len(knots) <= checks - 2
+    ends = mixed.bent_line([0.0, 24.0 * (checks - 1)], knots) @ fit.fixed
+    last = 24.0 * (checks - 1)
+    assert ends[1] - ends[0] == pytest.approx(3e-4 * last + 5e-6 * last**2, abs=0.006)
+
+
 def test_bends_are_kept_only_where_the_courses_bend() -> None:
     random = np.random.default_rng(5)
     who, dose = np.repeat(np.arange(40), 12), np.tile(np.arange(12) * 12.0, 40)

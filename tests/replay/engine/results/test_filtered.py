@@ -565,8 +565,8 @@ def test_the_report_draws_measured_open_loop_filter_and_smoother(hidden: Replaye
     errors = hidden.event.summary["filtered"]
     (open_loop,) = (c["mae_K"] for c in hidden.event.summary["channels"] if c["channel"] == "MAG")
     assert plot.title == (
-        f"Magnet (MAG, not read): open loop {open_loop:.1f} K off on average, filter {errors['mae_K']['MAG']:.1f} K, "
-        f"smoother {errors['smoothed_mae_K']['MAG']:.1f} K"
+        f"Magnet (MAG, not read by the filter): open loop {open_loop:.1f} K off on average, "
+        f"filter {errors['mae_K']['MAG']:.1f} K, smoother {errors['smoothed_mae_K']['MAG']:.1f} K"
     )
     for name in ("measured", "open loop", "filter", "smoother", "smoothed", "estimated", "modelled"):
         assert f">{name}<" in plot.svg

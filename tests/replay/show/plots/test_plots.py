@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -96,8 +97,40 @@ def test_a_cell_with_little_data_says_nothing() -> None:
 def test_the_map_title_names_the_worst_node_cell_and_direction() -> None:
     plot = error_map([made_run()])
     assert plot is not None
-    assert plot.title == "Rotor surface: model 6.0 K too cold at 3,250 to 3,750 rpm and 112 to 138 A current"
+    assert plot.title == "Rotor surface: model 6.0 K too cold at 3,250 to 3,750 rpm and 112.5 to 137.5 A current"
     assert plot.table.rows[0][0] == "rotor surface"
+
+
+def test_a_model_that_is_right_is_not_called_too_cold_by_nothing() -> None:
+    run = made_run()
+    for one in run.observed:
+        one.measured[:] = one.modelled + 0.01
+    for plot in (error_map([run]), error_along([run])):
+        assert plot is not None and ": model within 0.05 K everywhere, worst " in plot.title
+
+
+def test_the_number_of_the_cell_at_standstill_does_not_lie_over_the_axis() -> None:
+    run = made_run()
+    run.inputs["speed_rpm"][:600] = 0.0
+    plot = error_map([run])
+    assert plot is not None
+    middles = re.findall(r'middle[^>]* x="([\d.]+)"[^>]*>0</text>', plot.svg)
+    numbers = re.findall(r' x="([\d.]+)"[^>]*>−0\.2</text>', plot.svg)
+    assert float(middles[0]) == pytest.approx(min(map(float, numbers)), abs=0.1), "above the tick of 0"
+
+
+def test_the_error_along_a_long_session_is_over_hours_as_its_plots_over_time_are() -> None:
+    hours = error_along([made_run(steps=4 * 3600), made_run()])
+    assert hours is not None and "time since start [h]" in hours.svg
+
+
+def test_cells_are_told_as_they_are() -> None:
+    run = made_run(steps=6000)
+    for one in run.observed:
+        one.measured[:] = np.linspace(-30.0, -5.0, 6000)
+        one.modelled[:] = one.measured - 1.0
+    plot = error_along([run])
+    assert plot is not None and [row[0] for row in plot.table.rows][:2] == ["−30 to −27.5", "−27.5 to −25"]
 
 
 def test_there_is_no_map_where_no_load_was_recorded() -> None:
@@ -162,6 +195,17 @@ def test_a_plot_over_time_says_the_finding_and_carries_its_data() -> None:
         "rotor surface difference [K]",
     )
     assert {row[3] for row in plot.table.rows} == {"masked", "−0.2", "+6.0"}
+
+
+def test_of_several_sensors_of_a_node_a_title_names_its_own() -> None:
+    run = made_run()
+    twins = [replace(one, channel=f"{one.channel}b") for one in run.observed if one.node == "rotor_surface"]
+    errors = [replace(one, channel=f"{one.channel}b") for one in run.summary.channels if one.node == "rotor_surface"]
+    summary = replace(run.summary, channels=[*run.summary.channels, *errors])
+    both = replace(run, observed=(*run.observed, *twins), summary=summary)
+    plot = over_time(both, twins, 600)
+    assert plot.title.startswith("Rotor surface (T_3b): model 3.1 K too cold")
+    assert plot.table.head[1] == "T_3b measured [°C]", "the other one stands in another panel"
 
 
 def test_a_drawing_is_well_formed_and_takes_its_colours_from_the_page() -> None:

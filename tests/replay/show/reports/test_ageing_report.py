@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ingest.texts.plain import STEERING
-from made.ageing import LONG, STILL, aged, assessment, course
+from made.ageing import LONG, STILL, WORSE, aged, assessment, course
 from replay.show.plots.ageing_plots import courses, forest
 from replay.show.plots.lives_plots import arrhenius, left, survival
 from replay.show.reports.ageing_report import courses_title, write_ageing_report
@@ -37,6 +37,24 @@ def test_what_is_not_kept_names_no_command_that_would_find_it(tmp_path: Path) ->
         write_ageing_report(aged(), tmp_path / "ageing.html", CONTEXT, kept)
         page = (tmp_path / "ageing.html").read_text(encoding="utf-8")
         assert ("whyhot lineage" in page) == ("whyhot sql" in ageing_text(aged(), kept)) == kept
+
+
+def test_the_course_that_changes_most_is_the_steepest_whichever_way_it_goes() -> None:
+    falling = [
+        replace(WORSE, specimen=name, slope_percent_per_100h=slope) for name, slope in (("S1", -2.0), ("S2", -9.0))
+    ]
+    assert courses_title(assessment(*falling)).endswith(": S2 most, R −9.0 % per 100 h")
+
+
+def test_of_too_few_checks_it_is_not_said_that_nothing_changes() -> None:
+    brief = replace(WORSE, fitted=None, form="none", significant=False, slope_percent_per_100h=None)
+    assert courses_title(assessment(brief)) == "Too few checks of a specimen for a course"
+    assert courses_title(assessment(STILL, brief)) == "No specimen changes beyond repeatability"
+
+
+def test_thousands_of_hours_are_apart_at_the_axis_as_in_the_table() -> None:
+    plot = courses(assessment(course("S01", 3.0, hours=1500.0)), "t")
+    assert plot is not None and ">1,000</text>" in plot.svg
 
 
 def test_the_criterion_is_drawn_where_a_course_comes_near_it_and_told_where_not() -> None:

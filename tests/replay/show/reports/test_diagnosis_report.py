@@ -181,7 +181,7 @@ def test_where_the_two_models_differ_is_a_section_of_its_own(tmp_path: Path) -> 
 def test_without_replays_the_words_and_numbers_are_still_there(tmp_path: Path) -> None:
     text = Tags(page(tmp_path, NAMED, {})).text
     assert "Measured and modelled over time" not in text and "Where in operation" not in text
-    assert "Gain on kept sessions" in text and "spread evenly" in text
+    assert "Gain on kept sessions" in text and "over all operating points" in text
 
 
 def test_told_apart_lists_give_the_members_and_the_separating_test(tmp_path: Path) -> None:

@@ -634,3 +634,8 @@ def test_what_let_terms_in_is_said_where_it_was_not_evidence_alone(judge: str) -
         in told
     )
     assert (f"fewer than {ENOUGH_SESSIONS} sessions" in told) == (judge == "few sessions")
+
+
+def test_what_two_causes_take_is_not_told_of_one() -> None:
+    assert "6.4 K recalibrated and 2.3 K with the causes." in answer(SEVERAL)
+    assert "with the causes" not in answer(NAMED)

@@ -82,8 +82,12 @@ def test_recordings_without_a_usable_channel_get_an_honest_answer() -> None:
 
 
 def test_a_finding_within_the_floor_compares_with_the_floor() -> None:
-    winding = worst_first(made_run().summary)[1]
-    assert finding(winding) == "Winding: 0.2 K off on average, 0.2 K at worst; the sensor itself leaves 0.5 K open"
+    summary = made_run().summary
+    winding = worst_first(summary)[1]
+    assert (
+        finding(winding, summary)
+        == "Winding: 0.2 K off on average, 0.2 K at worst; the sensor itself leaves 0.5 K open"
+    )
 
 
 @pytest.mark.parametrize(
@@ -161,6 +165,29 @@ def test_a_session_has_at_most_four_lines_and_begins_with_its_highest_reading(
     assert lines[0].startswith(f"{name if len(name) < 40 else name[:39] + '…'}   rotor surface (T_30) measured up to ")
     assert lines[1].startswith("  model, on average:") and lines[2].endswith(" …")
     assert lines[3].startswith("  hottest by the model: winding 171 °C, 9.0 K under its ")
+
+
+def test_what_does_not_fit_is_left_out_whole_and_no_number_is_cut(monkeypatch: pytest.MonkeyPatch) -> None:
+    spots = {
+        name: ModelledSpot(
+            node=name, max_degC=121.4, at_s=1.0, limit_degC=180.0, margin_K=58.6, ci95_degC=(96.8, 140.2)
+        )
+        for name in ("winding", "magnet")
+    }
+    whole = {"winding 121 °C (97 to 140), 58.6 K under its limit", "magnet 121 °C (97 to 140), 58.6 K under its limit"}
+    for columns in range(60, 141):
+        monkeypatch.setenv("COLUMNS", str(columns))
+        text = replay_text([replace(made_run().summary, hot_spots=spots)], "next")
+        line = next(line for line in text.splitlines() if line.startswith("  hottest"))
+        told = line.removeprefix("  hottest by model, 95 %: ").removesuffix("; …")
+        assert columns < 80 or {*told.split("; ")} <= whole, line
+
+
+def test_what_of_a_session_was_not_replayed_is_said() -> None:
+    summary = replace(made_run().summary, note="0:51:00 to 1:30:00 replayed: elsewhere inputs are silent")
+    text = replay_text([summary, made_run("2_s2").summary], "next")
+    assert "Left out          1_s1: 0:51:00 to 1:30:00 replayed: elsewhere inputs are silent" in text
+    assert "Left out" not in replay_text([made_run().summary], "next")
 
 
 def test_the_terminal_says_of_each_node_how_far_off_which_way_and_what_the_sensor_leaves_open(

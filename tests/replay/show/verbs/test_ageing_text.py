@@ -12,7 +12,7 @@ import pytest
 from ingest.facts.archive import Archive
 from made.ageing import STILL, WORSE, aged, assessment
 from replay.engine.specimen.heat_history import HoursByTemperature
-from replay.show.verbs.ageing import ageing_text, answer, course, slope
+from replay.show.verbs.ageing import ageing_text, answer, course, how_many_change, slope
 from replay.studies.ageing.assessment import AgeingLaw, Assessment, Batch, HotHours, StressEffect, document, read
 from replay.studies.ageing.tables import Tables
 
@@ -49,6 +49,17 @@ def test_what_a_law_is_sure_to_and_what_specimens_differ_by_are_two_things() -> 
     )
     law = replace(law, source="S01", from_h=7.0)
     assert "each 100 h from 7 h on (sd 1.8 %), from S01" in flat(replace(assessment(WORSE), law=law))
+
+
+def test_a_batch_like_the_others_is_not_below_them_by_nothing() -> None:
+    batch = Batch(batch="B1", specimens=2, slope_percent_per_100h=7.6, score=-0.01, outlying=False)
+    text = ageing_text(replace(assessment(WORSE), batches=[batch, replace(batch, batch="B2")]))
+    row = next(line for line in text.splitlines() if line.startswith("B1"))
+    assert row.endswith(" 0.0 sd"), "nothing has no sign"
+
+
+def test_one_that_changes_changes() -> None:
+    assert how_many_change(assessment(WORSE, STILL).whole).startswith("1 of 2 changes")
 
 
 def flat(found: Assessment) -> str:

@@ -46,6 +46,13 @@ def test_a_whole_log_says_what_became_of_every_record_in_the_file() -> None:
     assert LINE + "in the file: the balance holds" in intake_text(Intake((taken("a.blf"),), (), ()))
 
 
+def test_one_more_session_of_a_log_is_one() -> None:
+    file = taken("a.blf")
+    of = [replace(session(number, "a"), files=[{"raw": file.raw}]) for number in "567"]
+    assert " and 1 more session\n" in intake_text(Intake((file,), tuple(of[:2]), ()))
+    assert " and 2 more sessions\n" in intake_text(Intake((file,), tuple(of), ()))
+
+
 def test_of_a_log_that_is_cut_only_what_was_read_is_known() -> None:
     text = intake_text(Intake((taken("a.blf", outcome="salvaged"),), (), ()))
     assert LINE + "read: the balance holds" in text

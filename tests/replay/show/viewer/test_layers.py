@@ -62,6 +62,27 @@ def test_measured_samples_come_back_at_their_own_time_and_value(written: dict[st
     assert value == pytest.approx(np.linspace(60, 80, STEPS))
 
 
+def test_no_line_is_drawn_where_nothing_was_recorded(tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    whole, *others = seen_channels()
+    left = np.r_[0:1000, 1900:STEPS]
+    holed = replace(
+        whole, t_ns=whole.t_ns[left], value=whole.value[left], record=whole.record[left], raw=whole.raw[left]
+    )
+    holds = SessionSeen(seen_session(), [holed, *others], {"published": made_run()}, network())
+    t_ns, value = values(write_layers(holds, tmp_path)[0], "measured/winding/T_1", "Scalars:scalars")
+    (hole,) = np.flatnonzero(np.isnan(value))
+    assert t_ns[hole - 1] < t_ns[hole] < t_ns[hole + 1] and value.size == left.size + 1
+
+
+def test_what_was_not_replayed_is_told_beside_the_answer(tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    run = made_run()
+    run = replace(run, summary=replace(run.summary, note="0:51:00 to 1:30:00 replayed"))
+    holds = SessionSeen(seen_session(), seen_channels(), {"published": run}, network())
+    assert "0:51:00 to 1:30:00 replayed" in text_of(write_layers(holds, tmp_path)[0], "answer")
+
+
 def test_boundaries_and_drives_are_inputs_by_quantity_and_empty_channels_are_left_out(written: dict[str, Path]) -> None:
     paths = {entity(batch) for batch in chunks(written["measured"])}
     assert {"inputs/temperature/coolant\\ \\/\\ in", "inputs/speed/speed", "ignored/temperature/bearing"} <= paths

@@ -54,7 +54,7 @@ def test_the_loss_is_said_with_where_mean_peak_and_sd() -> None:
 
 def test_a_withheld_channel_is_compared_with_the_open_loop() -> None:
     assert compared(summary()) == [
-        "magnet (MAG, not read): open loop 11.4 K off on average, filter 1.2 K, smoother 1.1 K"
+        "magnet (MAG, not read by the filter): open loop 11.4 K off on average, filter 1.2 K, smoother 1.1 K"
     ]
     assert worst_compared(summary()) == "MAG"
 
@@ -62,7 +62,7 @@ def test_a_withheld_channel_is_compared_with_the_open_loop() -> None:
 def test_where_all_channels_are_read_the_one_that_is_furthest_off_in_open_loop_is_compared() -> None:
     every = summary(filtered={**FILTERED, "mae_K": {}, "smoothed_mae_K": {}})
     assert compared(every) == [
-        "teeth (read, as all are): open loop 12.0 K off on average, filter 0.1 K, smoother 0.1 K"
+        "teeth (read by the filter, as all are): open loop 12.0 K off on average, filter 0.1 K, smoother 0.1 K"
     ]
     assert worst_compared(every) == "teeth"
 
@@ -117,7 +117,7 @@ def test_why_there_is_no_filter_or_no_band(spots: dict[str, Any], says: list[str
 def test_nothing_is_said_of_runs_that_were_sealed_before_there_was_a_filter() -> None:
     assert list(filter_says(made_summary(channels=CHANNELS))) == []
     (said,) = filter_says(summary(filtered=OLD_FILTERED))
-    assert said == "magnet (MAG, not read): open loop 11.4 K off on average, filter 1.2 K"
+    assert said == "magnet (MAG, not read by the filter): open loop 11.4 K off on average, filter 1.2 K"
 
 
 def test_the_report_says_it_and_the_terminal_what_was_asked_for() -> None:

@@ -118,6 +118,13 @@ def test_a_number_has_the_unit_of_its_size(value: float, unit: str, text: str) -
     assert heat_words.quantity(value, unit) == text
 
 
+def test_in_brief_a_motor_that_has_a_rotor_but_no_magnet_is_not_told_of_one() -> None:
+    spot = ModelledSpot(node="rotor", max_degC=84.0, at_s=1.0, limit_degC=None, margin_K=None)
+    told = {node: replace(spot, node=node) for node in ("rotor", "magnet", "magnet_outer")}
+    said = [heat_words.in_brief(replace(made_summary(), hot_spots={"magnet": one})) for one in told.values()]
+    assert said == [["rotor 84 °C"], ["magnet 84 °C"], ["magnet 84 °C"]]
+
+
 def test_a_band_is_said_with_what_it_holds() -> None:
     bare = {spot: ModelledSpot(**vars(one)) for spot, one in hot_spots(MOTOR, T, 0.5).items()}
     spots = {

@@ -10,3 +10,18 @@ from replay.show.words import words
 )
 def test_bytes_are_said_in_the_unit_that_people_read(count: int, says: str) -> None:
     assert words.size(count) == says
+
+
+@pytest.mark.parametrize(
+    ("value", "says"), [(3000.0, "3,000"), (2.46, "2.5"), (-20.0, "−20"), (-2.5, "−2.5"), (-0.0, "0"), (-0.04, "0.0")]
+)
+def test_a_number_below_zero_has_the_sign_that_pictures_have_and_zero_has_none(value: float, says: str) -> None:
+    assert words.number(value) == says
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "says"),
+    [(1234.56, 1, "1,234.6"), (-1.44, 1, "−1.4"), (-0.04, 1, "0.0"), (-0.004, 2, "0.00"), (float("nan"), 1, "–")],
+)
+def test_a_number_of_a_table_has_its_digits_and_nothing_has_no_sign(value: float, digits: int, says: str) -> None:
+    assert words.fixed(value, digits) == says
