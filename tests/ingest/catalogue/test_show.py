@@ -253,7 +253,7 @@ def test_a_gap_of_all_channels_is_one_line(store: Store) -> None:
     found = show.describe(store, *one_session(store))
     silent = [replace(found.channels[0], name=f"T_{i}") for i in range(9)]
     gaps = [f"{one.name} has no samples for {'15 min' if i < 8 else '3.0 s'}" for i, one in enumerate(silent)]
-    text = page.render(replace(found, channels=silent, findings=("a log is cut", *gaps)))
+    text = page.render(replace(found, channels=tuple(silent), findings=("a log is cut", *gaps)))
     assert (
         "\n  a log is cut\n  T_0, T_1, T_2 and 5 more have no samples for 15 min\n  T_8 has no samples for 3.0 s\n"
         in text

@@ -170,7 +170,7 @@ def test_a_session_has_at_most_four_lines_and_begins_with_its_highest_reading(
 def test_what_does_not_fit_is_left_out_whole_and_no_number_is_cut(monkeypatch: pytest.MonkeyPatch) -> None:
     spots = {
         name: ModelledSpot(
-            node=name, max_degC=121.4, at_s=1.0, limit_degC=180.0, margin_K=58.6, ci95_degC=(96.8, 140.2)
+            node=name, max_degC=121.4, at_s=1.0, limit_degC=180.0, margin_K=58.6, ci95_degC=[96.8, 140.2]
         )
         for name in ("winding", "magnet")
     }
