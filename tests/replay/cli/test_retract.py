@@ -102,6 +102,8 @@ def test_a_log_taken_back_is_gone_from_every_answer_and_all_bytes_stay(capsys: C
     assert rows(capsys, "SELECT count(*) AS n FROM events WHERE topic LIKE '%FactRetracted'") == [{"n": 1}]
     assert main(["verify", "--read"]) == 0
     (position,) = rows(capsys, "SELECT position FROM events WHERE topic LIKE '%FactRetracted'")
+    assert main(["show", "a", "--as-of", "1"]) == 2
+    assert capsys.readouterr().err.startswith("as of 1: session 'a': is not in this store."), "and is by now"
     as_it_was = answered(capsys, "sessions", "--as-of", str(position["position"] - 1))["sessions"]
     assert as_it_was[0]["sources"] == ["a.csv", "b.csv"]
     assert main(["ingest", "b.csv", "--bench", "bench.toml"]) == 1
