@@ -39,7 +39,8 @@ def run(args: argparse.Namespace) -> Answer:
         known = facts.at(store.ledger, args.as_of)
         session = known.session(args.session)
         target = args.out or Path(f"{session.name}.{args.to}")
-        about = provenance(store, to=args.to, excel=args.excel, as_of=args.as_of)  # while there is no file that it could fail beside
+        settings = {"to": args.to, "excel": args.excel, "as_of": args.as_of}
+        about = provenance(store, **settings)  # while there is no file that it could fail beside
         done = export(store, known, session, args.to, target, args.excel)
         data = {
             "schema": "whyhot.export/1",

@@ -12,6 +12,7 @@ from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from ingest.morning.changes import Change, changes
 from ingest.texts.names import handle
+from ingest.texts.nearest import hint
 from replay.engine.files.benches import with_bench_of
 from replay.engine.files.configurations import whole_motor
 from replay.engine.files.models import model_of
@@ -92,6 +93,9 @@ def sessions_of(facts: Facts, only: Sequence[SessionRecorded], specimen: str | N
     if len(specimens) > 1:
         raise ReplayDataError(f"sessions of {len(specimens)} specimens ({', '.join(specimens)}): say --specimen.")
     if len(chosen) < 2:
+        there = {one.specimen for one in every if one.specimen}
+        if specimen is not None and specimen not in there:
+            raise ReplayDataError(f"--specimen {specimen}: no session here is of it.{hint(specimen, there)}")
         of = f" of specimen {specimen}" if specimen else ""
         raise ReplayDataError(f"{len(chosen)} sessions{of} to look in: where something began needs two at least.")
     return chosen
