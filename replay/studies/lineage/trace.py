@@ -160,12 +160,11 @@ def _log(facts: Facts, text: str) -> str | None:
 
 
 def _file(facts: Facts, raw: str) -> dict[str, Any]:
-    """The log as its session holds it, else as it was decoded last."""
-    for session in facts.sessions:
-        for file in session.files:
-            if file["raw"] == raw:
-                return file
-    decodes = [one for one in facts.decodes.values() if one.raw == raw]
+    """The log as its session holds it; where it has several or none, the whole of it as it was decoded last."""
+    held = [file for session in facts.sessions for file in session.files if file["raw"] == raw]
+    if len(held) == 1:
+        return held[0]
+    decodes = [facts.decodes[file["decode"]] for file in held] or facts.decodes_of(raw)
     if not decodes:
         raise ReplayDataError(f"log {handle(raw)}: is not in this store, or was taken back.")
     last = max(decodes[-1].balance.get("found", 0) - 1, 0)

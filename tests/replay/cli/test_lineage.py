@@ -141,6 +141,19 @@ def test_a_sample_a_session_a_log_and_a_model_lead_to_what_they_came_from(store:
     assert model["kind"] == "motor file" and model["says"] == "motor.toml of servo-5kW"
 
 
+def test_a_table_of_several_specimens_is_one_log(tmp_path: Path, capsys: Capture) -> None:
+    (tmp_path / "t.csv").write_text(
+        "time,T,who\n" + "".join(f"2026-02-01T08:0{k}:00Z,2{k},S{k // 4}\n" for k in range(8))
+    )
+    channel = '[[channel]]\nsignal = "T"\nquantity = "temperature"\nunit = "degC"\n'
+    (tmp_path / "bench.toml").write_text('schema = "whyhot.bench/1"\nspecimen_column = "who"\n' + channel)
+    store = tmp_path / "store"
+    words = ["ingest", str(tmp_path / "t.csv"), "--bench", str(tmp_path / "bench.toml"), "--store", str(store)]
+    assert main(words) == 0
+    found = ask(store, capsys, "lineage", "FROM samples WHERE value = 26")
+    assert (found["links"][0]["says"].split(", ")[2], found["records"][0]["record"]) == ("records 0 to 7", 6)
+
+
 def test_it_is_told_in_lines_that_a_person_reads(store: Path, capsys: Capture) -> None:
     assert main(["lineage", "1_s1.blf:3", "--store", str(store)]) == 0
     said = capsys.readouterr().out.splitlines()
