@@ -16,7 +16,7 @@ from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.ledger_row import Recorded
 from ingest.facts.lineage import Chains, FactLink, distinct
-from ingest.facts.named import find
+from ingest.facts.named import find, find_log, retractable
 from ingest.facts.store import Store
 from ingest.intake.located import Located, locate
 from ingest.texts.names import handle, is_called
@@ -120,7 +120,8 @@ def _chain(facts: Facts, chains: Chains, text: str) -> Iterable[FactLink]:
     motors = [one.model for one in facts.models.values() if text in (one.motor, one.file)]
     if motors:
         return chains.of_model(motors[-1])
-    if benches := [sha256 for sha256, one in facts.benches.items() if one.name == text]:
+    benches = [sha256 for sha256, one in facts.benches.items() if one.name == text]
+    if benches and all(one.name != text for one in retractable(facts)):
         return chains.of_bench(benches[-1])
     named = find(facts, text)
     match named.kind:
@@ -153,8 +154,10 @@ def _last_run(facts: Facts, session: SessionRecorded) -> str:
 
 
 def _log(facts: Facts, text: str) -> str | None:
-    """SHA-256 of the log of this name, or beginning of its SHA-256."""
+    """SHA-256 of the log of this name, or beginning of its SHA-256. Raises CorrectionError for several of one name."""
     named = [raw for raw, one in facts.files.items() if one.name == text]
+    if len(named) > 1:
+        return find_log(facts, text).key
     found = named or [raw for raw in facts.files if is_called(raw, text)]
     return found[0] if len(found) == 1 else None
 

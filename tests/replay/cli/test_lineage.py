@@ -154,6 +154,16 @@ def test_a_table_of_several_specimens_is_one_log(tmp_path: Path, capsys: Capture
     assert (found["links"][0]["says"].split(", ")[2], found["records"][0]["record"]) == ("records 0 to 7", 6)
 
 
+def test_a_record_of_one_of_two_logs_of_a_name_asks_which(tmp_path: Path, capsys: Capture) -> None:
+    store = ["--store", str(tmp_path / "store")]
+    for value in (20, 30):
+        (tmp_path / "a.csv").write_text(f"time,T\n0,{value}\n1,{value + 1}\n")
+        assert main(["ingest", str(tmp_path / "a.csv"), *store]) == 0
+    capsys.readouterr()
+    assert main(["lineage", "a.csv:1", *store]) == 2
+    assert capsys.readouterr().err.startswith("a.csv: is more than one: log ")
+
+
 def test_it_is_told_in_lines_that_a_person_reads(store: Path, capsys: Capture) -> None:
     assert main(["lineage", "1_s1.blf:3", "--store", str(store)]) == 0
     said = capsys.readouterr().out.splitlines()
