@@ -7,7 +7,7 @@ it is where what asking again would give is recorded already, as a replay with t
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -180,23 +180,36 @@ class _Look:
             if now != session and not is_run:
                 return f"{self._name(session)} is now session {handle(now)}"
         its = [self.current[self.facts.became(session)] for session in sessions]
-        decodes = [self.facts.decodes[file["decode"]] for session in its for file in session.files]
-        databases = {sha256 for one in decodes for sha256 in one.databases}
-        benches = {self._first(one.bench) for one in its if one.bench}
-        for what, old, new in (
-            ("holds other logs", {*key.get("raw", ())}, {one.raw for one in decodes}),
-            ("is read with another bench file", {self._first(one) for one in _benches(key)}, benches),
-            ("is read with other signal databases", {*key.get("databases", ())}, databases),
-            ("was decoded by another version", {*key.get("decoder", ())}, {one.decoder for one in decodes}),
-        ):
-            if key and old != new:
-                return f"{', '.join(one.name for one in its)} {what} now"
+        told: tuple[tuple[str, Iterable[str], Callable[[SessionRecorded], set[str]]], ...] = (
+            ("holds other logs", key.get("raw", ()), lambda one: {decode.raw for decode in self._read(one)}),
+            (
+                "is read with another bench file",
+                map(self._first, _benches(key)),
+                lambda one: {self._first(one.bench)} if one.bench else set(),
+            ),
+            (
+                "is read with other signal databases",
+                key.get("databases", ()),
+                lambda one: {sha256 for decode in self._read(one) for sha256 in decode.databases},
+            ),
+            (
+                "was decoded by another version",
+                key.get("decoder", ()),
+                lambda one: {d.decoder for d in self._read(one)},
+            ),
+        )
+        for what, then, of in told:
+            old = {*then}
+            if key and old != {value for one in its for value in of(one)}:
+                return _are([one.name for one in its if not of(one) <= old] or [one.name for one in its], what)
         if other := [one.name for one in its if key and asked.model in self._motors_before(one)]:
-            return f"{', '.join(other)}: another motor file now"
-        known = key.get("decodes", [one.decode for one in decodes])  # keys of before had none
-        if other := [one.name for one in its if not {file["decode"] for file in one.files} <= {*known}]:
-            return f"{', '.join(other)}: read with other files now"
-        return None
+            return _are(other, "is read with another motor file")
+        known = key.get("decodes")  # keys of before had none
+        other = [one.name for one in its if known is not None and not {d.decode for d in self._read(one)} <= {*known}]
+        return _are(other, "is read with other files") if other else None
+
+    def _read(self, session: SessionRecorded) -> list[DecodeCompleted]:
+        return [self.facts.decodes[file["decode"]] for file in session.files]
 
     def _motors_before(self, session: SessionRecorded) -> set[str]:
         """The motor files, as accepted too, that its logs were read beside before, and are not now."""
@@ -243,6 +256,13 @@ def _benches(key: Mapping[str, Any]) -> list[str]:
     """The bench files of a key: a run has one."""
     found = key.get("benches", [key.get("bench")])
     return [one for one in found if one]
+
+
+def _are(names: Sequence[str], what: str) -> str:
+    """ "a and b are read with another bench file now"."""
+    verb, rest = what.split(" ", 1)
+    verb = {"is": "are", "was": "were", "holds": "hold"}[verb] if len(names) > 1 else verb
+    return f"{', '.join(names[:-1])}{' and ' if names[1:] else ''}{names[-1]} {verb} {rest} now"
 
 
 def _motors(events: Iterable[Recorded]) -> dict[str, set[str]]:
