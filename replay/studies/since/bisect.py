@@ -82,13 +82,13 @@ class Bisected:
 
 
 def sessions_of(facts: Facts, only: Sequence[SessionRecorded], specimen: str | None) -> list[SessionRecorded]:
-    """The sessions to look in: those given, or all of the one motor and specimen that there is. Raises ReplayDataError
-    where there are several."""
+    """The sessions to look in: those given, or all of the one motor that there is, of one specimen. Raises
+    ReplayDataError where there are several."""
     motors = {
         facts.models[bench.model].motor for one in facts.sessions if (bench := facts.bench_of(one)) and bench.model
     }
     every = [one for motor in sorted(motors) for one in driven(facts, motor)]
-    chosen = list(only) or [one for one in every if specimen in (None, one.specimen)]
+    chosen = [one for one in only or every if specimen in (None, one.specimen)]
     specimens = sorted({one.specimen or "none given" for one in chosen})
     if len(specimens) > 1:
         raise ReplayDataError(f"sessions of {len(specimens)} specimens ({', '.join(specimens)}): say --specimen.")
@@ -97,7 +97,8 @@ def sessions_of(facts: Facts, only: Sequence[SessionRecorded], specimen: str | N
         if specimen is not None and specimen not in there:
             raise ReplayDataError(f"--specimen {specimen}: no session here is of it.{hint(specimen, there)}")
         of = f" of specimen {specimen}" if specimen else ""
-        raise ReplayDataError(f"{len(chosen)} sessions{of} to look in: where something began needs two at least.")
+        found = f"{len(chosen)} session{'s' * (len(chosen) != 1)}"
+        raise ReplayDataError(f"{found}{of} to look in: where something began needs two at least.")
     return chosen
 
 
