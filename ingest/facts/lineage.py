@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 from ingest.facts.events import (
@@ -42,6 +43,7 @@ ID: dict[type[Event], str] = {  # the field that links name an event by
     AgeingAssessed: "assessment",
     InspectionRecorded: "inspection",
 }
+NO_KEY: Mapping[str, Any] = MappingProxyType({})  # of what is no answer
 
 
 @dataclass(frozen=True)
@@ -66,12 +68,15 @@ class Chains:
         self.facts = facts
         self.last: dict[tuple[type[Event], str], Recorded] = {}
         self.extended: dict[str, str] = {}  # model or bench file -> the diagnosis that made it
+        self.parents: dict[str, str] = {}  # bench file -> the one that a diagnosis made it from
         for one in recorded:
             if key := _key(one.event):
                 self.last[type(one.event), key] = one
             if isinstance(one.event, ModelExtended):
                 made = (one.event.model, one.event.bench)
                 self.extended |= {file: one.event.diagnosis for file in made if file}
+                if one.event.bench and one.event.parent_bench:
+                    self.parents[one.event.bench] = one.event.parent_bench
 
     def of_run(self, run: str) -> list[FactLink]:
         event = self.facts.runs[run]
@@ -81,7 +86,7 @@ class Chains:
         return [
             self._link("replay", ReplayCompleted, run, says, words),
             *self.of_model(event.model),
-            *self.of_session(event.session, bench),
+            *self.of_session(event.session, event.key, bench),
         ]
 
     def of_diagnosis(self, diagnosis: str) -> list[FactLink]:
@@ -120,18 +125,56 @@ class Chains:
             model = event.parent or ""
         return links
 
-    def of_session(self, session: str, bench: str | None = None) -> list[FactLink]:
-        """The session, its bench file (`bench`: the version that was taken), its logs and what they were read with."""
+    def of_bench(self, bench: str) -> list[FactLink]:
+        """The bench file, and those that it was made from."""
+        return [link for one in self._versions(bench) for link in self._bench(one)]
+
+    def of_session(self, session: str, key: Mapping[str, Any] = NO_KEY, bench: str | None = None) -> list[FactLink]:
+        """The session, its bench file (`bench`: the version that was taken), its logs and what they were read with, now
+        or for the answer of this key."""
         if back := self.facts.taken_back(session):
             return [FactLink("session", session, back)]
         found = self.facts.session(session)
         kind = f"{found.name}: {found.kind}, specimen {found.specimen or 'not given'}"
         links = [self._link("session", SessionRecorded, found.session, kind)]
-        links += self._bench(bench or (self.facts.current(found.bench) if found.bench else None))
-        return links + [link for file in found.files for link in self.of_log(file)]
+        files = [self._as_read(file, key) for file in found.files]
+        first = self.facts.decodes[files[0]["decode"]].bench if files else found.bench
+        links += self._bench(bench or self._taken(first, key))
+        return links + [
+            link
+            for now, file in zip(found.files, files, strict=True)
+            for link in self.of_log(file, corrected=file == now)
+        ]
 
-    def of_log(self, file: dict[str, Any]) -> list[FactLink]:
-        """The log of an entry of `SessionRecorded.files`, and how it was read."""
+    def _as_read(self, file: dict[str, Any], key: Mapping[str, Any]) -> dict[str, Any]:
+        """An entry of `SessionRecorded.files` as the answer of this key took it, who may have had another decode."""
+        decodes = self.facts.decodes_of(file["raw"])
+        now = self.facts.decodes[file["decode"]]
+        took = next((one for one in (now, *reversed(decodes)) if self._took(one, key)), now)
+        return file | {"decode": took.decode}
+
+    def _took(self, decode: DecodeCompleted, key: Mapping[str, Any]) -> bool:
+        if "decodes" in key:
+            return decode.decode in key["decodes"]
+        benches = [one for taken in key.get("benches", [key.get("bench")]) for one in self._versions(taken)]
+        files = {*decode.databases} <= {*key.get("databases", ())} and decode.decoder in key.get("decoder", ())
+        return files and (decode.bench in benches or not decode.bench)
+
+    def _taken(self, bench: str | None, key: Mapping[str, Any]) -> str | None:
+        """The version of a log's bench file that stands in the key of an answer, else the current one."""
+        versions = [one for one in key.get("benches", ()) if bench in self._versions(one)]
+        return (versions or [self.facts.current(bench)])[0] if bench else None
+
+    def _versions(self, bench: str | None) -> list[str]:
+        """A bench file, and those that it was made from."""
+        found: list[str] = []
+        while bench and bench not in found:
+            found.append(bench)
+            bench = self.parents.get(bench)
+        return found
+
+    def of_log(self, file: dict[str, Any], corrected: bool = True) -> list[FactLink]:
+        """The log of an entry of `SessionRecorded.files`, and how it was read; `corrected`: as its correction says."""
         sealed, decode = self.facts.files[file["raw"]], self.facts.decodes[file["decode"]]
         bench = self.facts.benches.get(decode.bench or "")
         databases = [self.facts.databases[sha256] for sha256 in decode.databases]
@@ -142,7 +185,7 @@ class Chains:
                 "log", RawFileSealed, sealed.sha256, f"{sealed.name}, {sealed.size:,} bytes, {records(file)}", words
             )
         ]
-        if correction := self.last.get((LogCorrected, sealed.sha256)):
+        if corrected and (correction := self.last.get((LogCorrected, sealed.sha256))):
             event = correction.event
             why = event.why if isinstance(event, LogCorrected) else ""
             links.append(self._link("correction", LogCorrected, sealed.sha256, why))
@@ -159,9 +202,8 @@ class Chains:
         return [self._link("inspection", InspectionRecorded, inspection, says)]
 
     def _of_sessions(self, sessions: Iterable[str], key: Mapping[str, Any]) -> list[FactLink]:
-        """Sessions of an answer, each with its bench file as it stands in the answer's key."""
-        given = {one.session: one.bench for one in self.facts.sessions if one.bench in key.get("benches", ())}
-        return [link for session in sessions for link in self.of_session(session, given.get(session))]
+        """Sessions of an answer, each as the answer's key says that it was read."""
+        return [link for session in sessions for link in self.of_session(session, key)]
 
     def _bench(self, bench: str | None) -> Iterator[FactLink]:
         if bench in self.facts.benches and bench is not None:

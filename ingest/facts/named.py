@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable
 from typing import NamedTuple
 
@@ -70,7 +71,7 @@ def find_log(facts: Facts, text: str) -> NamedFact:
     other = find(facts, text)
     says = f"{text}: is no log but {other.called}: only whole logs are forgotten"
     if other.kind != "session":
-        raise CorrectionError(f"{says}: `whyhot retract {text} --reason TEXT` takes it back")
+        raise CorrectionError(f"{says}: `whyhot retract {shlex.quote(text)} --reason TEXT` takes it back")
     its = dict.fromkeys(facts.files[file["raw"]].name for file in facts.session(other.key).files)
     raise CorrectionError(f"{says}: name those that it is of: {', '.join(its)}")
 
@@ -82,6 +83,8 @@ def find_retracted(facts: Facts, text: str) -> NamedFact:
         if forgotten := _forgotten(facts, one):
             raise CorrectionError(forgotten)
         return one
+    if went := facts.taken_back(text):  # a session, with its log
+        raise CorrectionError(went)
     standing = _only(retractable(facts), text)
     why = f"{standing.called} stands: there is nothing to undo" if standing else f"{text}: was not taken back"
     raise CorrectionError(f"{why}. Taken back: {', '.join(one.called for one in there) or 'nothing'}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -81,7 +82,7 @@ class Retraction:
         """What was taken back, for whoever asks for it, with what to do."""
         if self.forgotten:
             return f"{self.says}: its bytes are gone for good, and this store takes them in no more"
-        return f"{self.says}: `whyhot retract {self.event.name} --undo --reason TEXT` brings it back"
+        return f"{self.says}: `whyhot retract {shlex.quote(self.event.name)} --undo --reason TEXT` brings it back"
 
 
 @dataclass(frozen=True)

@@ -79,7 +79,8 @@ def _logs(facts: Facts, texts: Sequence[str]) -> list[str]:
     for text in texts:
         one = find(facts, text)
         if one.kind not in ("log", "session"):
-            raise CorrectionError(f"{text}: is no log or session: `whyhot retract {text} --reason TEXT` takes it back")
+            back = f"`whyhot retract {shlex.quote(text)} --reason TEXT`"
+            raise CorrectionError(f"{text}: is no log or session: {back} takes it back")
         logs += [one.key] if one.kind == "log" else [file["raw"] for file in facts.session(one.key).files]
     return list(dict.fromkeys(logs))
 

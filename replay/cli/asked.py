@@ -13,6 +13,7 @@ from replay.cli.answer import store_folder, typed
 if TYPE_CHECKING:
     from ingest.facts.events import SessionRecorded
     from ingest.facts.facts import Facts
+    from ingest.facts.sessions import Override
     from ingest.facts.store import Store
     from ingest.units.each import Workers
 
@@ -152,6 +153,18 @@ def ask_said(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--specimen", metavar="S", help="which motor or part; overrules the bench file")
     parser.add_argument("--batch", metavar="B", help="its batch; overrules the bench file")
     parser.add_argument("--kind", choices=KINDS, help="what test it is; overrules the bench file and recognition")
+
+
+def said_of(args: argparse.Namespace) -> Override:
+    """What `ask_said` asked for. Raises IngestError where a name is blank."""
+    from ingest.facts.sessions import Override
+    from ingest.intake.attachments import in_words
+
+    specimen, batch = (
+        None if text is None else in_words(text, flag, example)
+        for text, flag, example in ((args.specimen, "--specimen", "stator-07"), (args.batch, "--batch", "B3"))
+    )
+    return Override(specimen, batch, args.kind)
 
 
 def ask_reason(parser: argparse.ArgumentParser) -> None:

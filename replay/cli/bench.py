@@ -18,6 +18,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Answer:
+    from ingest.bench.bench_file import read_bench
     from ingest.facts import facts
     from ingest.facts.store import Store
     from replay.engine.files.benches import current_bench
@@ -26,7 +27,8 @@ def run(args: argparse.Namespace) -> Answer:
     with Store.open(store_folder(args)) as store:
         bench = current_bench(facts.at(store.ledger), args.bench)
         with whole(args.out) as path:
-            path.write_bytes(store.archive.read(bench.sha256))
+            path.write_bytes(text := store.archive.read(bench.sha256))
+        named = read_bench(text, bench.name).motor
         data = {
             "schema": "whyhot.bench_export/1",
             "file": str(args.out),
@@ -36,6 +38,9 @@ def run(args: argparse.Namespace) -> Answer:
             "provenance": provenance(store),
         }
     lines = [f"{args.out}   {bench.name} {handle(bench.sha256)}"]
-    if bench.motor:
-        lines.append(f"next: {shlex.join(['whyhot', 'motor', 'export', bench.motor, '-o', f'{bench.motor}.toml'])}")
+    if bench.motor and named:
+        beside = args.out.parent / named  # where this bench file looks for it
+        there = beside.exists()
+        export = shlex.join(["whyhot", "motor", "export", bench.motor, "-o", "NEW" if there else str(beside)])
+        lines.append(f"{beside} is there already: {export} writes the current one" if there else f"next: {export}")
     return Answer(data, "\n".join(lines))

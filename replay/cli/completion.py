@@ -18,8 +18,11 @@ SCRIPTS = {
     "bash": """\
 # whyhot: put  eval "$(whyhot completion bash)"  into ~/.bashrc
 _whyhot() {
-    local IFS=$'\\n'
-    COMPREPLY=($(whyhot completion words -- "${COMP_WORDS[@]:1:COMP_CWORD}" 2>/dev/null))
+    local found
+    COMPREPLY=()
+    while IFS= read -r found; do
+        [[ -n "$found" ]] && COMPREPLY+=("$(printf %q "$found")")
+    done < <(whyhot completion words -- "${COMP_WORDS[@]:1:COMP_CWORD}" 2>/dev/null)
 }
 complete -o default -F _whyhot whyhot
 """,
@@ -42,10 +45,16 @@ complete -c whyhot -a "(__whyhot)"
 """,
 }
 WORDS = "words"
-# What an argument names, by its own name: sessions (s), diagnoses (d), motors (m).
+# What an argument names, by its own name: sessions (s), logs (l), bench files (b), diagnoses (d), motors (m).
 SESSIONS = ("session", "sessions", "on", "hold_out", "first", "second")
 MODELS = ("model", "motor")
-NAMED = {"what": "sdm", "diagnosis": "d"} | dict.fromkeys(SESSIONS, "s") | dict.fromkeys(MODELS, "m")
+NAMED = {"what": "sldmb", "diagnosis": "d", "log": "l"} | dict.fromkeys(SESSIONS, "s") | dict.fromkeys(MODELS, "m")
+OF_VERB = {  # and by the verb where that matters
+    ("report", "sessions"): "sd",
+    ("bench", "bench"): "bs",
+    ("correct", "what"): "sl",
+    ("retract", "what"): "sld",
+}
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -73,7 +82,9 @@ def candidates(typed: Sequence[str]) -> list[str]:
     asked = _asked(actions, before[1:])
     if asked is None:
         return []
-    kinds = "sd" if (before[0], asked.dest) == ("report", "sessions") else NAMED.get(asked.dest, "")
+    kinds = OF_VERB.get((before[0], asked.dest), NAMED.get(asked.dest, ""))
+    if [*before[:2], asked.dest] == ["motor", "export", "file"]:
+        kinds = "m"
     return _beginning(begun, asked.choices or _names(kinds, before))
 
 
@@ -115,19 +126,29 @@ def _names(kinds: str, before: Sequence[str]) -> list[str]:
         return []
     try:
         with Store.open(store_folder(argparse.Namespace(store=store))) as opened:
-            events = standing(opened.ledger.events()).events
+            stands = standing(opened.ledger.events())
     except IngestError:  # no store here: nothing to name
         return []
-    names = (_name(one.event) for one in reversed(events))
+    if "--undo" in before:
+        return [one.event.name for one in reversed([*stands.retractions.values()])]
+    names = (_name(one.event) for one in reversed(stands.events))
     return [name for kind, name in names if kind and kind in kinds]
 
 
 def _name(event: Event) -> tuple[str, str]:
     """The kind and name of what an event brought, both empty where it brought nothing that is called."""
-    from ingest.facts.events import DiagnosisCompleted, ModelPublished, SessionRecorded
+    from ingest.facts.events import (
+        BenchRegistered,
+        DiagnosisCompleted,
+        ModelPublished,
+        RawFileSealed,
+        SessionRecorded,
+    )
 
     if isinstance(event, SessionRecorded):
         return "s", event.name
+    if isinstance(event, RawFileSealed | BenchRegistered):
+        return ("l" if isinstance(event, RawFileSealed) else "b"), event.name
     if isinstance(event, DiagnosisCompleted):
         return "d", f"d-{event.diagnosis[:8]}"
     return ("m", event.motor) if isinstance(event, ModelPublished) else ("", "")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from replay.cli.answer import Answer, provenance, store_folder
-from replay.cli.asked import ask_databases, ask_reason, ask_said, databases_of
+from replay.cli.asked import ask_databases, ask_reason, ask_said, databases_of, said_of
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,7 +18,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> Answer:
     from ingest.errors import CorrectionError
-    from ingest.facts.sessions import Override
     from ingest.facts.store import Store
     from ingest.intake.corrections import correct
     from replay.cli.progress import tell
@@ -26,8 +25,8 @@ def run(args: argparse.Namespace) -> Answer:
     from replay.show.verbs.corrections import put_right_json, put_right_text
     from replay.studies.again.stale import became_stale
 
-    said = Override(args.specimen, args.batch, args.kind)
-    if said == Override() and args.bench is None and not args.dbc:
+    said = said_of(args)
+    if not any(vars(said).values()) and args.bench is None and not args.dbc:
         raise CorrectionError("nothing to correct: say what is right: --bench, --dbc, --specimen, --batch or --kind")
     with Store.open(store_folder(args), write=True) as store:
         done = correct(store, args.what, said, (args.bench, databases_of(args)), args.reason, for_intake, tell)

@@ -30,6 +30,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> Answer:
     from ingest.facts import facts
     from ingest.facts.store import Store
+    from ingest.texts.names import first_of
     from replay.exports.export import export
 
     if args.excel and args.to != "csv":
@@ -38,7 +39,8 @@ def run(args: argparse.Namespace) -> Answer:
         known = facts.at(store.ledger, args.as_of)
         session = known.session(args.session)
         target = args.out or Path(f"{session.name}.{args.to}")
-        about = provenance(store, to=args.to, excel=args.excel)  # while there is no file that it could fail beside
+        settings = {"to": args.to, "excel": args.excel, "as_of": args.as_of}
+        about = provenance(store, **settings)  # while there is no file that it could fail beside
         done = export(store, known, session, args.to, target, args.excel)
         data = {
             "schema": "whyhot.export/1",
@@ -46,12 +48,14 @@ def run(args: argparse.Namespace) -> Answer:
             "file": str(target),
             "rows": done.rows,
             "left_out": list(done.unnamed),
+            "texts": list(done.texts),
             "columns": [{"name": one.name, "unit": one.unit, "place": one.place} for one in done.columns],
             "provenance": about,
         }
     says = f"{target}   {session.name}: {done.rows:,} rows, {len(done.columns)} channels"
     notes = [] if done.absolute else [f"session {session.name}: has no date: times count from its logger's start."]
     if done.unnamed:
-        names = ", ".join(done.unnamed[:SHOWN]) + (" ..." if len(done.unnamed) > SHOWN else "")
-        says += f"\nleft out, as the bench file does not say what they are: {names}"
+        says += f"\nleft out, as the bench file does not say what they are: {first_of(done.unnamed, SHOWN)}"
+    if done.texts:
+        says += f"\nleft out, as they hold text: {first_of(done.texts, SHOWN)}"
     return Answer(data, says, notes=notes)

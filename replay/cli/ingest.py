@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from replay.cli.answer import Answer, provenance, store_folder
-from replay.cli.asked import ask_databases, ask_logs, ask_said, ask_workers, databases_of, workers_of
+from replay.cli.asked import ask_databases, ask_logs, ask_said, ask_workers, databases_of, said_of, workers_of
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -16,7 +16,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Answer:
-    from ingest.facts.sessions import Override
     from ingest.facts.store import Store
     from ingest.facts.store_check import without_events
     from ingest.intake.given import opened
@@ -26,13 +25,12 @@ def run(args: argparse.Namespace) -> Answer:
     from replay.engine.files.models import for_intake
     from replay.show.verbs.intake import intake_json, intake_text
 
-    databases = databases_of(args)
+    databases, said = databases_of(args), said_of(args)
     with opened(args.files, databases) as given:
         logs = [*given.logs]
         setup = prepare(logs, args.bench, databases, for_intake)
         with Store.open(store_folder(args), create=True, write=True) as store:
             lost = None if store.ledger.head().position else without_events(store)
-            said = Override(args.specimen, args.batch, args.kind)
             intake = take_in(store, logs, setup, said, tell, workers=workers_of(args))
             store.ledger.seal()
             origin = provenance(store, bench=str(args.bench) if args.bench else None)

@@ -14,9 +14,10 @@ QUERY = re.compile(r"\s*(select|from|with)\s", re.IGNORECASE)
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     says = (
-        "a session, log, replay, diagnosis, calibration, model or inspection by name or id; RUN@TIME/CHANNEL, a point "
-        "of a replay (TIME in seconds or as 1:02:03; without it the mean over the run, as a report gives it); "
-        "LOG:RECORD or LOG:FIRST-LAST; or a SELECT, of which the first row counts"
+        "a session, log, replay, diagnosis, calibration, model, bench file or inspection by name or id; "
+        "RUN@TIME/CHANNEL, a point of a replay (TIME in seconds or as 1:02:03; without it the mean over the run, as a "
+        "report gives it; RUN may be a session); LOG:RECORD or LOG:FIRST-LAST; or a SELECT, of which the first row "
+        "counts"
     )
     parser.add_argument("what", metavar="X", help=says)
     parser.add_argument(

@@ -58,6 +58,8 @@ def run(args: argparse.Namespace) -> Answer:
     if (args.tests is None) != (args.bench is None):
         args.refuse("--tests and --bench go together: the bench file says which sensors the tests are read with")
     settings = {"level": args.level, "motor": args.model, "hours": args.hours, "cause": args.cause}
+    if args.out and args.out.resolve() in _read_from(args):
+        args.refuse(f"{args.out} is a file that the day is planned from: give --out another name")
     if args.tests:
         found, left, origin = _of_tests(args), [], provenance(None, **settings)
     else:
@@ -69,6 +71,12 @@ def run(args: argparse.Namespace) -> Answer:
     written = [f"{args.out}   the day, a row a second"] if args.out else []
     data = {**document(found), "notes": left, "provenance": origin}
     return Answer(data, plan_text(found, _onward(args)), notes=[*left, *written])
+
+
+def _read_from(args: argparse.Namespace) -> set[Path]:
+    """The files that the plan is made from."""
+    given = [*(args.tests or ()), args.bench, Path(args.model) if args.model else None]
+    return {one.resolve() for one in given if one}
 
 
 def _onward(args: argparse.Namespace) -> str:

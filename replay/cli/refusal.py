@@ -19,7 +19,9 @@ AGAIN = "see that the disk, and the network that it is on, are well, then run it
 def refusal(error: Exception, args: argparse.Namespace) -> str | None:
     """The one line of `error`; None for a defect of ours."""
     if any(base.__name__ in ROOTS for base in type(error).__mro__):
-        return " ".join(str(error).splitlines())
+        then = f"as of {point}: " if (point := getattr(args, "as_of", None)) else ""
+        line = " ".join(str(error).splitlines())
+        return line if line.startswith("as of ") else then + line  # what is not there may be there by now
     if isinstance(error, ImportError) and error.name is not None:
         from whyhot.installation import ADVICE
 

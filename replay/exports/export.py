@@ -34,6 +34,7 @@ class Exported:
 
     columns: Sequence[OutColumn]
     unnamed: Sequence[str]
+    texts: Sequence[str]
     rows: int
     absolute: bool
 
@@ -57,7 +58,7 @@ def export(
 
     with whole(target) as path:
         write(path, replace(rows, parts=counted()))
-    return Exported(rows.columns, rows.unnamed, written, rows.absolute)
+    return Exported(rows.columns, rows.unnamed, rows.texts, written, rows.absolute)
 
 
 @contextmanager

@@ -61,6 +61,7 @@ class SessionRows:
     start_ns: int
     columns: Sequence[OutColumn]
     unnamed: Sequence[str]  # signals of its logs that its bench file does not name: they are left out
+    texts: Sequence[str]  # and columns of text
     parts: Iterator[Part]
 
     @property
@@ -82,13 +83,21 @@ def session_rows(store: Store, facts: Facts, session: SessionRecorded, most: int
     files = [decoded_file(store, facts, facts.decodes[file["decode"]]) for file in session.files]
     specs = {source.spec.name: source.spec for one in files for source in one.sources}
     values = sum(one.values for one in files)
+    numbers = [{entry["column"] for entry in one.decode.channels} for one in files]
+    texts = {
+        name: None
+        for one, own in zip(files, numbers, strict=True)
+        for group in one.decode.groups
+        for name in group["columns"]
+        if name not in own
+    }
     unnamed = {entry["name"]: None for one in files for entry in one.decode.channels if entry["name"] not in specs}
     if not values:
         why = "its bench file names none of its signals" if unnamed else "it holds no samples"
         raise ExportError(f"session {session.name}: {why}: there is nothing to export.")
     columns = [_column(spec) for spec in specs.values()]
     parts = _parts(store, facts, session, files, list(specs), values, most)
-    return SessionRows(session.name, session.absolute, session.start_ns, columns, [*unnamed], parts)
+    return SessionRows(session.name, session.absolute, session.start_ns, columns, [*unnamed], [*texts], parts)
 
 
 def _parts(

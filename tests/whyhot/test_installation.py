@@ -48,6 +48,21 @@ def test_nothing_is_said_of_an_installation_that_is_whole(environment: Path, cap
     assert capsys.readouterr().err == ""
 
 
+def test_where_ledger_and_files_of_a_store_lie_is_said(tmp_path: Path, capsys: Capture) -> None:
+    def said(mark: str | None, code: int = 0) -> str:
+        if mark is not None:
+            (tmp_path / "store.json").write_text(mark)
+        assert main(["doctor", "--store", str(tmp_path)]) == code
+        return "".join(capsys.readouterr())
+
+    assert f"{tmp_path}, not there yet; " in said(None), "an empty folder is no store"
+    assert f"{tmp_path}; " in said('{"schema": "whyhot.store/1"}')
+    url = "postgresql://lab@db:5432/whyhot"
+    server = f'{{"schema": "whyhot.store/2", "ledger": {{"url": "{url}", "table": "t"}}}}'
+    assert f"{tmp_path}; its ledger in {url}; " in said(server)
+    assert "store.json: schema 'whyhot.store/9' is not known here" in said('{"schema": "whyhot.store/9"}', 1)
+
+
 def test_another_distribution_with_our_package_is_named_with_what_it_overwrote(
     environment: Path, capsys: Capture
 ) -> None:

@@ -7,6 +7,7 @@ tests that tell most an hour by themselves.
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -48,7 +49,9 @@ class Wanted:
         """`only`: ids of the candidates that count; all where it is empty. Raises `PlanError` where one is none."""
         ids = [str(candidate.cause) for candidate in found.candidates]
         if strange := sorted(set(only) - set(ids)):
-            raise PlanError(f"{strange[0]}: no candidate of this motor and bench that moves a reading")
+            near = difflib.get_close_matches(strange[0], ids, n=1, cutoff=0.6)
+            nearest = f"; the nearest is {near[0]}" if near else ""
+            raise PlanError(f"{strange[0]}: no candidate of this motor and bench that moves a reading{nearest}")
         masses = prior_masses([candidate.cause for candidate in found.candidates])
         weight = np.where([not only or one in only for one in ids], masses, 0.0)
         sigma = np.array([parameter.sd for parameter in found.ground.candidates])

@@ -7,18 +7,19 @@ from dataclasses import replace
 from ingest.errors import UnknownSessionError
 from ingest.facts.events import BenchRegistered
 from ingest.facts.facts import Facts
-from ingest.texts.names import handle
+from ingest.texts.names import handle, is_called
 from replay.errors import ReplayDataError
 
 MADE = "benches"  # in the summary of a DiagnosisCompleted: {"of_model": {model: {bench file: its version}}}
 
 
 def current_bench(facts: Facts, text: str) -> BenchRegistered:
-    """The bench file of a session (name or id), by its own name, or by the beginning of its id; by the first two as
+    """The bench file by its own name, of a session (name or id), or by the beginning of its id; by the first two as
     accepted since. Raises ReplayDataError, which lists all."""
     used = {session.bench for session in facts.sessions if session.bench}
     named = {facts.current(sha256) for sha256 in used if facts.benches[sha256].name == text}
-    found = sorted(named or {sha256 for sha256 in facts.benches if sha256.startswith(text)})
+    its = {facts.current(one.bench) for one in facts.sessions if one.bench and text in (one.name, one.session)}
+    found = sorted(named or its or {sha256 for sha256 in facts.benches if is_called(sha256, text)})
     if not found:
         try:
             bench = facts.bench_of(facts.session(text))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -180,7 +181,7 @@ def _run_of(facts: Facts, session: SessionRecorded, model: str | None) -> Replay
 
 def _with(facts: Facts, model: str | None, session: str = "") -> str:
     """ " yet", or with which model not, and the command that would."""
-    command = f"whyhot replay {session}".rstrip()
+    command = shlex.join(["whyhot", "replay", *([session] if session else [])])
     if model is None:
-        return f" yet: {command}"
-    return f" with model {facts.models[model].motor} {short(model)}: {command} --model {short(model)}"
+        return f" yet: `{command}`"
+    return f" with model {facts.models[model].motor} {short(model)}: `{command} --model {short(model)}`"

@@ -37,7 +37,7 @@ def put_right_json(done: PutRight, reason: str, stale: StaleAnswers) -> dict[str
 def put_right_text(label: str, done: PutRight, reason: str, stale: StaleAnswers) -> str:
     """`label`: "Taken back", "Brought back" or "Corrected"."""
     next_step = _next(stale) or ["", *labelled("Next", "whyhot sessions")]
-    return "\n".join([*_put_right(label, done, reason), *_stale_lines(_all(stale)), *next_step])
+    return "\n".join([*_put_right(label, done, reason), *_stale_lines(stale), *_there_again(stale), *next_step])
 
 
 def forgotten_json(found: ForgottenLogs, reason: str, stale: StaleAnswers) -> dict[str, Any]:
@@ -49,7 +49,7 @@ def forgotten_json(found: ForgottenLogs, reason: str, stale: StaleAnswers) -> di
 def forgotten_text(found: ForgottenLogs, reason: str, stale: StaleAnswers) -> str:
     lines = [line for says in found.before for line in labelled("Already", says)]
     lines += _put_right("Forgotten", found.done, reason) if found.done.named else []
-    lines += [*removed(found.swept), *_stale_lines(_all(stale))]
+    lines += [*removed(found.swept), *_stale_lines(stale), *_there_again(stale)]
     steps = labelled("Then", BACKUPS) if stale.answers else ["", *labelled("Next", BACKUPS)]
     return "\n".join([*lines, *_next(stale), *steps])
 
@@ -108,6 +108,11 @@ def _stale_lines(stale: StaleAnswers) -> Iterator[str]:
         yield from labelled("Stale" if i == 0 else "", f"{one.name}: {one.why}")
     for line in stale.in_use:
         yield from labelled("In use", f"{line}. Accept another, or take it back")
+
+
+def _there_again(stale: StaleAnswers) -> Iterator[str]:
+    for i, one in enumerate(stale.answered):
+        yield from labelled("There again" if i == 0 else "", f"{one.name}, of what is current now ({one.why})")
 
 
 def _next(stale: StaleAnswers) -> list[str]:

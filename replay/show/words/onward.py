@@ -13,8 +13,8 @@ DEFAULT_STORE = Path("whyhot-store")
 BETWEEN = " · "  # several commands of one line; what is to be done by hand stands before the command
 NEXT = re.compile(r"^(next: |(?:Next|Then) {2,})(.*(?:\n {2,}\S.*)*)$", re.MULTILINE)
 VERB = re.compile(r"\bwhyhot ([a-z]+)(?![^`·]* --store )(?= |$)")  # one that names no store itself
-# what lists or mends a store, and what shows a diagnosis
-OF_STORE = "sessions|sql|rebuild|verify|upgrade|report"
+# what lists or mends a store, what takes back and asks again, and what shows a diagnosis
+OF_STORE = "sessions|sql|rebuild|verify|upgrade|report|retract|replay|stale"
 SAID = re.compile(rf"(?:(?<=`)|(?<=next: ))whyhot (?:{OF_STORE})(?![^`]* --store )(?=[ `;]|$)")
 CODE = re.compile(r"<code>whyhot [a-z]+(?![^<]* --store )(?=[ <])")  # on a page
 

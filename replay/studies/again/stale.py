@@ -7,7 +7,7 @@ it is where what asking again would give is recorded already, as a replay with t
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -15,6 +15,7 @@ from ingest.facts.events import (
     AgeingAssessed,
     CalibrationCompleted,
     CauseAccepted,
+    DecodeCompleted,
     DiagnosisCompleted,
     ModelExtended,
     ReplayCompleted,
@@ -108,6 +109,7 @@ class _Look:
         self.current = {session.session: session for session in facts.sessions}
         self.names = {one.event.session: one.event.name for one in events if isinstance(one.event, SessionRecorded)}
         self.first = _first_versions(facts)
+        self.motors = _motors(events)
         self.extended = [one.event for one in events if isinstance(one.event, ModelExtended)]
         self.whys: dict[str, str] = {}  # stale diagnosis -> why
         self.of_now: set[Any] = set()  # questions, each with the model of an answer that is not stale
@@ -122,7 +124,7 @@ class _Look:
         now, kept = self._now(asked.sessions), self._now(asked.kept)
         question = (type(event), now, kept, asked.key.get("level")) if asked.key else type(event)
         found.pop(question, None)
-        why = self.back.get(asked.model) or self._why([*asked.sessions, *asked.kept], asked.key)
+        why = self.back.get(asked.model) or self._why([*asked.sessions, *asked.kept], asked)
         why = why or self.models.get(asked.model)
         if isinstance(event, AgeingAssessed) and not is_of_now(self.facts, event):
             why = why or "sessions came, or are others by now"
@@ -167,8 +169,9 @@ class _Look:
         became = dict.fromkeys(self.facts.became(session) for session in sessions)
         return tuple(session for session in became if session in self.current)
 
-    def _why(self, sessions: Sequence[str], key: Mapping[str, Any]) -> str | None:
+    def _why(self, sessions: Sequence[str], asked: _Asked) -> str | None:
         """What is other than it was computed from, None where nothing is."""
+        key = asked.key
         is_run = "bench" in key  # it depends on what its session holds, not on which it is
         for session in sessions:
             now = self.facts.became(session)
@@ -177,18 +180,42 @@ class _Look:
             if now != session and not is_run:
                 return f"{self._name(session)} is now session {handle(now)}"
         its = [self.current[self.facts.became(session)] for session in sessions]
-        decodes = [self.facts.decodes[file["decode"]] for session in its for file in session.files]
-        databases = {sha256 for one in decodes for sha256 in one.databases}
-        benches = {self._first(one.bench) for one in its if one.bench}
-        for what, old, new in (
-            ("holds other logs", {*key.get("raw", ())}, {one.raw for one in decodes}),
-            ("is read with another bench file", {self._first(one) for one in _benches(key)}, benches),
-            ("is read with other signal databases", {*key.get("databases", ())}, databases),
-            ("was decoded by another version", {*key.get("decoder", ())}, {one.decoder for one in decodes}),
-        ):
-            if key and old != new:
-                return f"{', '.join(one.name for one in its)} {what} now"
-        return None
+        told: tuple[tuple[str, Iterable[str], Callable[[SessionRecorded], set[str]]], ...] = (
+            ("holds other logs", key.get("raw", ()), lambda one: {decode.raw for decode in self._read(one)}),
+            (
+                "is read with another bench file",
+                map(self._first, _benches(key)),
+                lambda one: {self._first(one.bench)} if one.bench else set(),
+            ),
+            (
+                "is read with other signal databases",
+                key.get("databases", ()),
+                lambda one: {sha256 for decode in self._read(one) for sha256 in decode.databases},
+            ),
+            (
+                "was decoded by another version",
+                key.get("decoder", ()),
+                lambda one: {d.decoder for d in self._read(one)},
+            ),
+        )
+        for what, then, of in told:
+            old = {*then}
+            if key and old != {value for one in its for value in of(one)}:
+                return _are([one.name for one in its if not of(one) <= old] or [one.name for one in its], what)
+        if other := [one.name for one in its if key and asked.model in self._motors_before(one)]:
+            return _are(other, "is read with another motor file")
+        known = key.get("decodes")  # keys of before had none
+        other = [one.name for one in its if known is not None and not {d.decode for d in self._read(one)} <= {*known}]
+        return _are(other, "is read with other files") if other else None
+
+    def _read(self, session: SessionRecorded) -> list[DecodeCompleted]:
+        return [self.facts.decodes[file["decode"]] for file in session.files]
+
+    def _motors_before(self, session: SessionRecorded) -> set[str]:
+        """The motor files, as accepted too, that its logs were read beside before, and are not now."""
+        before = {model for file in session.files for model in self.motors.get(file["raw"], ())}
+        now = {session.model} if session.model else before
+        return {*before, *map(self.facts.current, before)} - {*now, *map(self.facts.current, now)}
 
     def _first(self, bench: str) -> str:
         """The bench file that this one is a version of."""
@@ -204,7 +231,9 @@ class _Look:
         named = [self.facts.benches.get(self._first(one)) for one in _benches(asked.key)]
         given = [one.model for one in named if one and one.model]
         usual = [*given, *map(self.facts.current, given)]
-        if {*usual}.isdisjoint(self.models) and asked.model in (*usual, *self.models):
+        its = [self.current[one] for one in self._now([*asked.sessions, *asked.kept])]
+        before = {model for one in its for model in self._motors_before(one)}
+        if {*usual}.isdisjoint(self.models) and asked.model in (*usual, *self.models, *before):
             return None
         return next((one for one in (asked.model, *given) if one and one not in self.models), None)
 
@@ -227,6 +256,22 @@ def _benches(key: Mapping[str, Any]) -> list[str]:
     """The bench files of a key: a run has one."""
     found = key.get("benches", [key.get("bench")])
     return [one for one in found if one]
+
+
+def _are(names: Sequence[str], what: str) -> str:
+    """ "a and b are read with another bench file now"."""
+    verb, rest = what.split(" ", 1)
+    verb = {"is": "are", "was": "were", "holds": "hold"}[verb] if len(names) > 1 else verb
+    return f"{', '.join(names[:-1])}{' and ' if names[1:] else ''}{names[-1]} {verb} {rest} now"
+
+
+def _motors(events: Iterable[Recorded]) -> dict[str, set[str]]:
+    """Log -> the motor files that it was ever read beside."""
+    found: dict[str, set[str]] = {}
+    for one in events:
+        if isinstance(one.event, DecodeCompleted) and one.event.model:
+            found.setdefault(one.event.raw, set()).add(one.event.model)
+    return found
 
 
 def _first_versions(facts: Facts) -> dict[str, str]:

@@ -160,6 +160,7 @@ def _key(
         "databases": sorted({sha for d in decodes for sha in d.databases}),
         "benches": sorted({facts.current(session.bench) for session in sessions if session.bench}),
         "decoder": sorted({d.decoder for d in decodes}),
+        "decodes": sorted({d.decode for d in decodes}),  # which log is read with which of these files
         "parent": parent,
         "level": level,
         "settings": {"step_s": STEP_S} | ({} if only is None else {"only": sorted(only)}),

@@ -81,6 +81,7 @@ def key_of(question: Question, code: str) -> dict[str, Any]:
         "databases": sorted({sha for d in decodes for sha in d.databases}),
         "benches": sorted({facts.current(session.bench) for session in every if session.bench}),
         "decoder": sorted({d.decoder for d in decodes}),
+        "decodes": sorted({d.decode for d in decodes}),  # which log is read with which of these files
         "model": question.model,
         "level": question.level,
         "settings": {"step_s": STEP_S},

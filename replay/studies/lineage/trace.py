@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,19 +11,22 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from ingest.errors import UnknownSessionError
+from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.ledger_row import Recorded
 from ingest.facts.lineage import Chains, FactLink, distinct
-from ingest.facts.named import find
+from ingest.facts.named import find, find_log, retractable
 from ingest.facts.store import Store
 from ingest.intake.located import Located, locate
 from ingest.texts.names import handle, is_called
+from ingest.texts.times import clock
 from replay.engine.results.artefacts import read_parquet
 from replay.errors import ReplayDataError
 
 SHOWN = 20  # points of a run
 POINT = re.compile(r"(?P<run>[0-9a-f]{4,16})(?:@(?P<time>[0-9.:]+))?(?:/(?P<channel>.+))?", re.IGNORECASE)
-OF_SESSION = re.compile(r"(?P<session>.+)@(?P<time>[0-9.:]+)(?:/(?P<channel>.+))?")
+OF_SESSION = re.compile(r"(?P<session>.+)@(?P<time>[0-9.:]+)(?:/(?P<channel>.+))?|(?P<mean>[^/]+)/(?P<its>.+)")
 RECORDS = re.compile(r"(?P<log>.+?):(?P<first>[0-9,]+)(?:-(?P<last>[0-9,]+))?")
 
 
@@ -72,8 +76,8 @@ def trace(store: Store, recorded: Sequence[Recorded], facts: Facts, text: str) -
     runs = [run for run in facts.runs if at and run.startswith(at["run"].lower())]
     if at and len(runs) == 1:
         return _of_run(store, facts, chains, runs[0], at["time"], at["channel"])
-    if (of := OF_SESSION.fullmatch(text)) and (run := _last_run(facts, of["session"])):
-        return _of_run(store, facts, chains, run, of["time"], of["channel"])
+    if (of := OF_SESSION.fullmatch(text)) and (session := _session(facts, of["session"] or of["mean"])):
+        return _of_run(store, facts, chains, _last_run(facts, session), of["time"], of["channel"] or of["its"])
     if (rows := RECORDS.fullmatch(text)) and (raw := _log(facts, rows["log"])):
         first = int(rows["first"].replace(",", ""))
         return _of_records(store, facts, chains, raw, first, int((rows["last"] or rows["first"]).replace(",", "")))
@@ -107,6 +111,7 @@ def _chain(facts: Facts, chains: Chains, text: str) -> Iterable[FactLink]:
         ([one.calibration for one in facts.calibrations.values()], chains.of_calibration),
         (facts.assessments, chains.of_ageing),
         (facts.models, chains.of_model),
+        (facts.benches, chains.of_bench),
     )
     for ids, chain in of:
         found = [one for one in ids if is_called(one, text)]
@@ -115,6 +120,9 @@ def _chain(facts: Facts, chains: Chains, text: str) -> Iterable[FactLink]:
     motors = [one.model for one in facts.models.values() if text in (one.motor, one.file)]
     if motors:
         return chains.of_model(motors[-1])
+    benches = [sha256 for sha256, one in facts.benches.items() if one.name == text]
+    if benches and all(one.name != text for one in retractable(facts)):
+        return chains.of_bench(benches[-1])
     named = find(facts, text)
     match named.kind:
         case "session":
@@ -126,32 +134,40 @@ def _chain(facts: Facts, chains: Chains, text: str) -> Iterable[FactLink]:
     return chains.of_inspection(named.key)
 
 
-def _last_run(facts: Facts, text: str) -> str | None:
-    """The last replay of the session of this name or id; None where there is no such session. Raises ReplayDataError
-    where it has not been replayed."""
-    sessions = [one for one in facts.sessions if text in (one.name, one.session)]
-    if len(sessions) != 1:
+def _session(facts: Facts, text: str) -> SessionRecorded | None:
+    """The session of this name, id or beginning of it, None where there is none. Raises UnknownSessionError for
+    several of one name."""
+    try:
+        return facts.session(text)
+    except UnknownSessionError:
+        if any(one.name == text for one in facts.sessions):
+            raise
         return None
-    runs = [run for run, one in facts.runs.items() if one.session == sessions[0].session]
-    if not runs:
-        raise ReplayDataError(f"session {text}: has no replay to take a point of: `whyhot replay {text}` first.")
-    return runs[-1]
+
+
+def _last_run(facts: Facts, session: SessionRecorded) -> str:
+    """Raises ReplayDataError where it has not been replayed."""
+    if runs := facts.runs_of(session):
+        return runs[-1].run
+    again = f"`whyhot replay {shlex.quote(session.name)}`"
+    raise ReplayDataError(f"session {session.name}: has no replay to take a point of: {again} first.")
 
 
 def _log(facts: Facts, text: str) -> str | None:
-    """SHA-256 of the log of this name, or beginning of its SHA-256."""
+    """SHA-256 of the log of this name, or beginning of its SHA-256. Raises CorrectionError for several of one name."""
     named = [raw for raw, one in facts.files.items() if one.name == text]
+    if len(named) > 1:
+        return find_log(facts, text).key
     found = named or [raw for raw in facts.files if is_called(raw, text)]
     return found[0] if len(found) == 1 else None
 
 
 def _file(facts: Facts, raw: str) -> dict[str, Any]:
-    """The log as its session holds it, else as it was decoded last."""
-    for session in facts.sessions:
-        for file in session.files:
-            if file["raw"] == raw:
-                return file
-    decodes = [one for one in facts.decodes.values() if one.raw == raw]
+    """The log as its session holds it; where it has several or none, the whole of it as it was decoded last."""
+    held = [file for session in facts.sessions for file in session.files if file["raw"] == raw]
+    if len(held) == 1:
+        return held[0]
+    decodes = [facts.decodes[file["decode"]] for file in held] or facts.decodes_of(raw)
     if not decodes:
         raise ReplayDataError(f"log {handle(raw)}: is not in this store, or was taken back.")
     last = max(decodes[-1].balance.get("found", 0) - 1, 0)
@@ -193,9 +209,18 @@ def _of_run(store: Store, facts: Facts, chains: Chains, run: str, time: str | No
             there = ", ".join(dict.fromkeys(channels.tolist()))
             raise ReplayDataError(f"replay {run}: has no channel {channel}: it has {there}.")
     at = [np.flatnonzero(channels == name) for name in names[:SHOWN]]
+    if time is not None and not _within(table, _seconds(time)):
+        ends = clock(float(table["t_s"].to_numpy().max()))
+        raise ReplayDataError(f"replay {run}: has no point at {time}: it ends at {ends}.")
     points = [_mean(table, rows) if time is None else _nearest(table, rows, _seconds(time)) for rows in at]
     wanted = [(point.file, record) for point in points for record in (point.first, point.last)]
     return Lineage(points, links, _records(store, facts, wanted))
+
+
+def _within(table: pa.Table, t_s: float) -> bool:
+    """Whether a run reaches to this time, within its longest step."""
+    times = np.unique(table["t_s"].to_numpy())
+    return bool(t_s <= times[-1] + max(np.diff(times), default=1.0))
 
 
 def _nearest(table: pa.Table, rows: np.ndarray[Any, Any], t_s: float) -> TracedPoint:

@@ -39,6 +39,7 @@ from twin.motor.sensor_laws import AMBIENT
 TIME, STEP = "time_s", "step"  # columns; which step of a day a row is of does not matter here
 AMBIENT_degC = 25.0  # where nothing says it
 LONGEST_S = 86_400.0
+COLDEST_degC = -273.15
 BUS = "bench"  # that stamps all channels whose bench file names none
 
 
@@ -142,7 +143,8 @@ def _set_values(file: Path, known: Mapping[str, tuple[str, str]]) -> dict[str, F
     rows = [row for row in csv.reader(_bytes(file).decode("utf-8-sig", "replace").splitlines()) if any(row)]
     names = [name.strip() for name in rows[0]] if rows else []
     if TIME not in names or len(set(names)) < len(names):
-        raise ReplayDataError(f"{file}: the first row names the columns, each once, and one of them is {TIME}.")
+        wants = f"the first row names the columns, each once, and one of them is {TIME}"
+        raise ReplayDataError(f"{file}: {wants}; columns are separated by commas, numbers have a decimal point.")
     for name in names:
         if name not in (*known, TIME, STEP):
             raise ReplayDataError(
@@ -156,6 +158,11 @@ def _set_values(file: Path, known: Mapping[str, tuple[str, str]]) -> dict[str, F
     if not 0.0 < length_s <= LONGEST_S or (np.diff(times) <= 0).any():
         rule = f"{TIME} must rise from row to row, over two rows at least and {LONGEST_S:.0f} s at most"
         raise ReplayDataError(f"{file}: {rule}.")
+    for name, (_, of) in known.items():
+        if of == "temperature" and name in table and table[name].min() < COLDEST_degC:
+            raise ReplayDataError(
+                f"{file}: {name} falls to {table[name].min():g}, below {COLDEST_degC} °C: correct it."
+            )
     seconds = np.arange(0.0, length_s + STEP_S / 2, STEP_S)
     set_values = {name: np.interp(seconds, times - times[0], column) for name, column in table.items() if name in known}
     return {TIME: seconds, **set_values}

@@ -12,6 +12,7 @@ from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from ingest.morning.changes import Change, changes
 from ingest.texts.names import handle
+from ingest.texts.nearest import hint
 from replay.engine.files.benches import with_bench_of
 from replay.engine.files.configurations import whole_motor
 from replay.engine.files.models import model_of
@@ -81,19 +82,23 @@ class Bisected:
 
 
 def sessions_of(facts: Facts, only: Sequence[SessionRecorded], specimen: str | None) -> list[SessionRecorded]:
-    """The sessions to look in: those given, or all of the one motor and specimen that there is. Raises ReplayDataError
-    where there are several."""
+    """The sessions to look in: those given, or all of the one motor that there is, of one specimen. Raises
+    ReplayDataError where there are several."""
     motors = {
         facts.models[bench.model].motor for one in facts.sessions if (bench := facts.bench_of(one)) and bench.model
     }
     every = [one for motor in sorted(motors) for one in driven(facts, motor)]
-    chosen = list(only) or [one for one in every if specimen in (None, one.specimen)]
+    chosen = [one for one in only or every if specimen in (None, one.specimen)]
     specimens = sorted({one.specimen or "none given" for one in chosen})
     if len(specimens) > 1:
         raise ReplayDataError(f"sessions of {len(specimens)} specimens ({', '.join(specimens)}): say --specimen.")
     if len(chosen) < 2:
+        there = {one.specimen for one in every if one.specimen}
+        if specimen is not None and specimen not in there:
+            raise ReplayDataError(f"--specimen {specimen}: no session here is of it.{hint(specimen, there)}")
         of = f" of specimen {specimen}" if specimen else ""
-        raise ReplayDataError(f"{len(chosen)} sessions{of} to look in: where something began needs two at least.")
+        found = f"{len(chosen)} session{'s' * (len(chosen) != 1)}"
+        raise ReplayDataError(f"{found}{of} to look in: where something began needs two at least.")
     return chosen
 
 

@@ -10,20 +10,29 @@ from pathlib import Path
 
 import pytest
 
-from ingest.facts.events import DiagnosisCompleted, ModelPublished
+from ingest.facts.events import BenchRegistered, DiagnosisCompleted, FactRetracted, ModelPublished
+from ingest.facts.standing import whole
 from ingest.facts.store import Store
-from made.events import session
+from made.events import put, session, sha
 from replay.cli import VERBS, main
 from replay.cli.completion import SCRIPTS, candidates
 
 
 @pytest.fixture
 def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Two sessions, a motor and a diagnosis."""
+    """Two sessions, two logs of which one was taken back, a bench file, a motor and a diagnosis."""
     folder = tmp_path / "store"
     with Store.open(folder, create=True, write=True) as opened:
         model = ModelPublished(model="4f0c", motor="servo-5kW", file="motor.toml", parent=None)
         opened.ledger.append("motor-servo-5kW", model)
+        bench = BenchRegistered(sha256="b0", name="bench.toml", motor="servo-5kW", model="4f0c")
+        opened.ledger.append("bench-b0", bench)
+        put(opened, "my log.csv")
+        put(opened, "bad.csv")
+        bad = f"file-{sha('bad.csv')}"
+        opened.ledger.append(
+            bad, FactRetracted(fact=bad, name="bad.csv", why="a mistake", rows=[whole(sha("bad.csv"))])
+        )
         opened.ledger.append("session-1", session("1", "1_s1"))
         opened.ledger.append("session-2", session("2", "2_wltp"))
         key: dict[str, object] = {"train": [], "kept": []}
@@ -48,6 +57,11 @@ def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (["replay", "1_s1", "--model", "s"], ["servo-5kW"]),
         (["accept", ""], ["d-7f31beef"]),
         (["report", "d-"], ["d-7f31beef"]),
+        (["motor", "export", ""], ["servo-5kW"]),
+        (["bench", "export", ""], ["2_wltp", "1_s1", "bench.toml"]),
+        (["forget", ""], ["my log.csv"]),
+        (["correct", "m"], ["my log.csv"]),
+        (["retract", "--undo", ""], ["bad.csv"]),
         (["ingest", "log"], []),
         (["replya", ""], []),
     ],
@@ -98,3 +112,8 @@ def test_bash_asks_for_the_words_as_they_were_typed(store: Path, tmp_path: Path)
     env = {**os.environ, "PATH": f"{command.parent}{os.pathsep}{os.environ['PATH']}"}
     told = subprocess.run(["bash", "-c", script], env=env, capture_output=True, text=True, check=True)
     assert told.stdout == "servo-5kW|"
+    script = script.replace("replay --model serv", "forget m")
+    told = subprocess.run(
+        ["bash", "-c", script.replace("=3", "=2")], env=env, capture_output=True, text=True, check=True
+    )
+    assert told.stdout == r"my\ log.csv|", "as a shell reads it"

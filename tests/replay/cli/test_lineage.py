@@ -83,7 +83,43 @@ def test_a_point_may_be_asked_for_by_the_name_of_the_session(
     Path("a.csv").write_text("time,T\n0,20.0\n1,20.1\n", encoding="utf-8")
     assert main(["ingest", "a.csv", "--store", "s"]) == 0
     assert main(["lineage", "a@1/T", "--store", "s"]) == 2
-    assert "session a: has no replay to take a point of: `whyhot replay a` first." in capsys.readouterr().err
+    line = "session a: has no replay to take a point of: `whyhot replay --store s a` first."
+    assert line in capsys.readouterr().err
+
+
+def test_a_number_of_a_report_may_be_asked_for_by_the_name_or_id_of_the_session(store: Path, capsys: Capture) -> None:
+    (row,) = ask(store, capsys, "sql", "SELECT run, session FROM runs")["rows"]
+    points = ask(store, capsys, "lineage", f"{row['run']}/magnet")["points"]
+    assert ask(store, capsys, "lineage", "1_s1/magnet")["points"] == points
+    assert ask(store, capsys, "lineage", f"{row['session'][:8]}/TC_magnet")["points"] == points
+
+
+def test_a_bench_file_leads_to_its_event(store: Path, capsys: Capture) -> None:
+    (link,) = ask(store, capsys, "lineage", "bench.toml")["links"]
+    assert (link["kind"], link["says"]) == ("bench file", "bench.toml")
+    assert ask(store, capsys, "lineage", link["id"][:12])["links"] == [link]
+
+
+def test_a_replay_leads_to_the_files_that_it_had_when_its_log_was_corrected_since(
+    capsys: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    can_bench.write_files(tmp_path)
+    can_bench.write_log(tmp_path / "1_s1.blf", seconds=60, seed=1)
+    Path("other.toml").write_text(can_bench.BENCH.replace("[[channel]]", "[[channel]]\nbias_sd = 1.0", 1))
+    store = tmp_path / "store"
+    words = ["1_s1.blf", "--bench", "bench.toml", "--dbc", "bench.dbc", "--store", "store"]
+    assert main(["ingest", *words]) == 0
+    assert main(["replay", "1_s1", "--store", "store"]) == 0
+    (row,) = ask(store, capsys, "sql", "SELECT run FROM runs")["rows"]
+    before = ask(store, capsys, "lineage", row["run"])["links"]
+    assert main(["correct", "1_s1", "--bench", "other.toml", "--reason", "bias", "--store", "store"]) == 0
+    after = ask(store, capsys, "lineage", row["run"])["links"]
+    assert [(one["kind"], one["id"], one["says"]) for one in after] == [
+        (one["kind"], one["id"], one["says"]) for one in before
+    ]
+    now = [(one["kind"], one["says"]) for one in ask(store, capsys, "lineage", "1_s1")["links"]]
+    assert now[1] == ("bench file", "other.toml") and ("correction", "bias") in now
 
 
 def test_the_mean_error_of_a_report_is_that_of_the_steps_behind_it(store: Path, capsys: Capture) -> None:
@@ -105,6 +141,29 @@ def test_a_sample_a_session_a_log_and_a_model_lead_to_what_they_came_from(store:
     assert model["kind"] == "motor file" and model["says"] == "motor.toml of servo-5kW"
 
 
+def test_a_table_of_several_specimens_is_one_log(tmp_path: Path, capsys: Capture) -> None:
+    (tmp_path / "t.csv").write_text(
+        "time,T,who\n" + "".join(f"2026-02-01T08:0{k}:00Z,2{k},S{k // 4}\n" for k in range(8))
+    )
+    channel = '[[channel]]\nsignal = "T"\nquantity = "temperature"\nunit = "degC"\n'
+    (tmp_path / "bench.toml").write_text('schema = "whyhot.bench/1"\nspecimen_column = "who"\n' + channel)
+    store = tmp_path / "store"
+    words = ["ingest", str(tmp_path / "t.csv"), "--bench", str(tmp_path / "bench.toml"), "--store", str(store)]
+    assert main(words) == 0
+    found = ask(store, capsys, "lineage", "FROM samples WHERE value = 26")
+    assert (found["links"][0]["says"].split(", ")[2], found["records"][0]["record"]) == ("records 0 to 7", 6)
+
+
+def test_a_record_of_one_of_two_logs_of_a_name_asks_which(tmp_path: Path, capsys: Capture) -> None:
+    store = ["--store", str(tmp_path / "store")]
+    for value in (20, 30):
+        (tmp_path / "a.csv").write_text(f"time,T\n0,{value}\n1,{value + 1}\n")
+        assert main(["ingest", str(tmp_path / "a.csv"), *store]) == 0
+    capsys.readouterr()
+    assert main(["lineage", "a.csv:1", *store]) == 2
+    assert capsys.readouterr().err.startswith("a.csv: is more than one: log ")
+
+
 def test_it_is_told_in_lines_that_a_person_reads(store: Path, capsys: Capture) -> None:
     assert main(["lineage", "1_s1.blf:3", "--store", str(store)]) == 0
     said = capsys.readouterr().out.splitlines()
@@ -117,6 +176,7 @@ def test_it_is_told_in_lines_that_a_person_reads(store: Path, capsys: Capture) -
     [
         ("1_s1.blf:99999999", "1_s1.blf: has no record 99,999,999: it holds "),
         ("2_s1", "2_s1: is not in this store. Nearest: 1_s1"),
+        ("1_s1@99:00:00/magnet", "replay "),
         ("SELECT 1 AS x", "the row has no column that says where it came from: select run"),
         ("SELECT * FROM runs WHERE run = 'no'", "SQL: gives no row: there is nothing to trace"),
     ],

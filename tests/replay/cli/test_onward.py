@@ -40,7 +40,7 @@ def test_every_next_command_runs_as_it_is_printed(
         ["repeat", "1 s1", "2_s1", "--report", "repeat.html", *store],
         ["replay", "2_s1", *store],
         ["attach", "motor.toml", "--specimen", "servo-01", "--finding", "none", *store],
-        ["bench", "export", "bench.toml", "-o", "again.toml", *store],
+        ["bench", "export", "bench.toml", "-o", "the store/again.toml", *store],
     ]
     by = followed(begin, capsys)
     assert {verb for verb, said in by.items() if said} >= {words[0] if words else "" for words in begin} | {"show"}

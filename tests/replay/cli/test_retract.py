@@ -102,6 +102,8 @@ def test_a_log_taken_back_is_gone_from_every_answer_and_all_bytes_stay(capsys: C
     assert rows(capsys, "SELECT count(*) AS n FROM events WHERE topic LIKE '%FactRetracted'") == [{"n": 1}]
     assert main(["verify", "--read"]) == 0
     (position,) = rows(capsys, "SELECT position FROM events WHERE topic LIKE '%FactRetracted'")
+    assert main(["show", "a", "--as-of", "1"]) == 2
+    assert capsys.readouterr().err.startswith("as of 1: session 'a': is not in this store."), "and is by now"
     as_it_was = answered(capsys, "sessions", "--as-of", str(position["position"] - 1))["sessions"]
     assert as_it_was[0]["sources"] == ["a.csv", "b.csv"]
     assert main(["ingest", "b.csv", "--bench", "bench.toml"]) == 1
@@ -145,13 +147,21 @@ def test_a_session_taken_back_takes_all_its_logs_along_and_an_inspection_stays()
         ),
         (("retract", "b.csv", "--undo", *WHY), "log b.csv stands: there is nothing to undo. Taken back: nothing"),
         (("retract", "t", *WHY), "t: is more than one: session "),
+        (
+            ("correct", "a", "--specimen", " ", *WHY),
+            "--specimen: says nothing: write it in words, as ",
+        ),
+        (("correct", "a", "--batch", "", *WHY), "--batch: says nothing: write it in words, as --batch B3"),
         (("correct", "b.csv", *WHY), "nothing to correct: say what is right: --bench, --dbc, --specimen, --batch or"),
         (("correct", "b.csv", "--specimen", "S01", *WHY), "b.csv: is so already: there is nothing to correct"),
         (
             ("correct", "t.csv", "--specimen", "S1", *WHY),
             "t.csv: --specimen would give one specimen to all rows, and they are of 2 (S0, S1). Correct the names in ",
         ),
-        (("correct", "end.jpg", "--kind", "s1", *WHY), "end.jpg: is no log or session: `whyhot retract end.jpg"),
+        (
+            ("correct", "end.jpg", "--kind", "s1", *WHY),
+            "end.jpg: is no log or session: `whyhot retract --store ",
+        ),
     ],
 )
 def test_what_cannot_be_put_right_is_one_line_and_changes_nothing(
@@ -163,6 +173,20 @@ def test_what_cannot_be_put_right_is_one_line_and_changes_nothing(
     assert (said.out, said.err.count("\n")) == ("", 1)
     assert said.err.startswith(line)
     assert now() == before
+
+
+@pytest.mark.usefixtures("bench")
+def test_a_session_that_went_with_its_log_says_how_it_comes_back(capsys: Capture) -> None:
+    """The command is one that a shell reads, whatever the log is called."""
+    shutil.copy("a.csv", "my log.csv")
+    Path("my log.csv").write_text(Path("a.csv").read_text().replace("2026-01-01", "2026-03-01"))
+    assert main(["ingest", "my log.csv", "--bench", "bench.toml"]) == 0
+    assert main(["retract", "my log.csv", *WHY]) == 0
+    for words in (["retract", "my log", "--undo", *WHY], ["retract", "my log", *WHY]):
+        capsys.readouterr()
+        assert main(words) == 2
+        back = "`whyhot retract --store store 'my log.csv' --undo --reason TEXT` brings it back"
+        assert back in capsys.readouterr().err
 
 
 def test_a_retraction_and_what_it_makes_of_the_sessions_are_one_transaction(

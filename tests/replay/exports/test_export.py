@@ -265,7 +265,7 @@ def test_a_head_says_one_unit(name: str, unit: str | None, title: str) -> None:
 
 def test_heads_of_two_units_of_one_name_differ() -> None:
     columns = [OutColumn(name, "degC", "temperature", None) for name in ("T [K]", "T")]
-    assert SessionRows("S", True, 0, columns, [], iter(())).titles == ("T [degC]", "T [degC]_2")
+    assert SessionRows("S", True, 0, columns, [], [], iter(())).titles == ("T [degC]", "T [degC]_2")
 
 
 def test_a_spreadsheet_runs_no_name_as_a_formula(folder: Path, tmp_path: Path) -> None:
@@ -336,6 +336,20 @@ def test_signals_that_the_bench_file_does_not_name_are_said(tmp_path: Path, caps
     ):
         assert main(["export", session, "--to", "csv", "-o", str(tmp_path / f"{session}.out"), *store]) == code
         assert says in "".join(capsys.readouterr())
+
+
+def test_columns_of_text_are_said_whether_the_bench_file_names_them_or_not(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.csv").write_text("t,n,mode,note\n0,1500,idle,a\n1,1501,run,b\n")
+    channels = '[[channel]]\nsignal = "n"\nquantity = "speed"\nunit = "rpm"\n'
+    channels += '[[channel]]\nsignal = "mode"\nquantity = "state"\nunit = "1"\nrole = "ignored"\n'
+    bench, store = tmp_path / "bench.toml", ["--store", str(tmp_path / "store")]
+    bench.write_text('schema = "whyhot.bench/1"\n' + channels)
+    assert main(["ingest", str(tmp_path / "a.csv"), "--bench", str(bench), *store]) == 0
+    capsys.readouterr()
+    assert main(["export", "a", "--to", "csv", "-o", str(tmp_path / "out.csv"), *store]) == 0
+    assert capsys.readouterr().out.endswith("1 channels\nleft out, as they hold text: mode, note\n")
 
 
 def test_only_a_csv_is_for_the_excel_of_a_country(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

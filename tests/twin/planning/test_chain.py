@@ -124,7 +124,7 @@ def test_a_day_too_short_for_any_test_is_refused(found: Prospect) -> None:
 
 
 def test_a_cause_that_is_none_is_refused(found: Prospect) -> None:
-    with pytest.raises(PlanError, match=r"loss\.magnet\.speed9: no candidate"):
+    with pytest.raises(PlanError, match=r"loss\.magnet\.speed9: no candidate.*; the nearest is loss\.magnet\.speed"):
         plan_day(found, HOURS, ["loss.magnet.speed9"], _quiet)
 
 

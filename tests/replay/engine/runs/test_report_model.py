@@ -88,7 +88,8 @@ def test_a_model_that_a_session_was_not_replayed_with_is_refused(
 ) -> None:
     hotter = runs(bench, capsys)[-1]["model"][:8]
     assert refused(bench, capsys, "2_second", "--model", hotter) == (
-        f"session 2_second was not replayed with model servo-5kW {hotter}: whyhot replay 2_second --model {hotter}"
+        f"session 2_second was not replayed with model servo-5kW {hotter}: `whyhot replay --store {bench / 'store'} "
+        f"2_second --model {hotter}`"
     )
     unused, lost = bench / "unused.toml", bench / "lost.toml"
     assert refused(bench, capsys, "--model", str(unused)) == (

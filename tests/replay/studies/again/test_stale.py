@@ -75,9 +75,12 @@ def run(name: str, model: str = "m0", **more: Any) -> tuple[str, ReplayCompleted
     return f"run-{event.run}", event
 
 
-def diagnosis(number: str, *names: str, kept: tuple[str, ...] = (), model: str = "m0") -> list[tuple[str, Event]]:
-    """A diagnosis whose model is called as it is."""
-    sessions = {"train": [f"id_{one}" for one in names], "kept": [f"id_{one}" for one in kept], "model": model}
+def diagnosis(
+    number: str, *names: str, kept: tuple[str, ...] = (), model: str = "m0", more: dict[str, Any] | None = None
+) -> list[tuple[str, Event]]:
+    """A diagnosis whose model is called as it is; `more` of its key."""
+    its = {"train": [f"id_{one}" for one in names], "kept": [f"id_{one}" for one in kept], "model": model}
+    sessions = its | (more or {})
     made = ModelExtended(diagnosis=number, parent=model, model=f"m{number}", parent_bench=None, bench=None)
     asked = key(*names, *kept, **sessions)
     done = DiagnosisCompleted(diagnosis=number, key=asked, artefact="", summary={"causes": []})
@@ -174,6 +177,42 @@ def test_a_version_of_the_bench_file_that_a_diagnosis_made_is_no_other_bench_fil
     with_bench = [(stream, made), (stream, replace(done, summary=versions)), run("1_s1", "m7", bench="b7")]
     assert look(*with_bench).answers == []
     assert told(look(*with_bench[2:])) == [("replay of 1_s1", "1_s1 is read with another bench file now")]
+
+
+def test_of_several_sessions_those_are_named_that_are_read_otherwise() -> None:
+    other = {"decoder": ["0", "1"]}
+    assert told(look(*diagnosis("7", "1_s1", "2_s2", more=other))) == [
+        ("diagnosis d-7", "1_s1 and 2_s2 were decoded by another version now")
+    ], "nobody knows which by such a key"
+    log = LOGS["2_s2"].sha256
+    files = [{"raw": log, "decode": "new", "first_record": 0, "last_record": 9}]
+    again = [
+        (f"file-{log}", decode("new", log, "b9")),
+        ("session-id_2_s2", replace(session("id_2_s2", "2_s2", bench="b9"), files=files)),
+    ]
+    (found,) = look(*diagnosis("7", "1_s1", "2_s2"), *again).answers
+    assert found.why == "2_s2 is read with another bench file now"
+
+
+def test_what_is_read_with_a_file_that_another_session_had_already_is_stale() -> None:
+    asked = diagnosis("7", "1_s1", "2_s2", more={"decodes": ["d1_s1", "dother"]})
+    assert told(look(*asked)) == [("diagnosis d-7", "2_s2 is read with other files now")]
+    assert look(*diagnosis("7", "1_s1", "2_s2", more={"decodes": ["d1_s1", "d2_s2"]})).answers == []
+
+
+@pytest.mark.parametrize("asked", [[run("1_s1")], diagnosis("7", "1_s1", "2_s2"), [run("1_s1", "m7")]])
+def test_what_began_from_the_motor_file_that_a_correction_replaced_is_stale(asked: list[tuple[str, Event]]) -> None:
+    """Bench file and signal databases are the same: only the motor file beside it is another."""
+    log = LOGS["1_s1"].sha256
+    before = ("file-" + log, replace(decode("before", log, "b0"), model="m0"))
+    accepted = CauseAccepted(diagnosis="9", causes=[], parent="m0", model="m7", parent_bench=None, bench=None)
+    files = [{"raw": log, "decode": "d1_s1", "first_record": 0, "last_record": 9}]
+    other = ("bench-b0", replace(BENCH, model="m9"))
+    now = ("session-id_1_s1", replace(session("id_1_s1", "1_s1", bench="b0"), files=files, model="m9"))
+    (found,) = look(before, *asked, ("diagnosis-9", accepted), other, now).answers
+    assert (found.why, found.model) == ("1_s1 is read with another motor file now", None)
+    assert look(before, *asked, ("diagnosis-9", accepted)).answers == [], "what is accepted is no other"
+    assert look(before, run("1_s1", "m8"), other, now).answers == [], "it was asked for by --model"
 
 
 def test_a_calibration_is_stale_by_its_sessions() -> None:

@@ -381,6 +381,11 @@ def test_what_accepting_changes_is_shown_and_the_current_files_come_out_by_their
         return path.read_bytes() if path.exists() else b""
 
     made = diagnosed(store_folder, "4f0cbeef00000001", CAUSES)
+    (tmp_path / "out").mkdir()
+    beside = tmp_path / "out" / "motor.toml"
+    words = ["-o", str(beside.with_name("mine.toml")), "--store", str(store_folder)]
+    assert main(["bench", "export", "1_learn", *words]) == 0
+    assert capsys.readouterr().out.endswith(f" servo-5kW -o {beside}\n"), "where the bench file looks for it"
     motor, bench = out("motor", "export", "servo-5kW"), out("bench", "export", "bench.toml")
     assert (motor.decode(), bench.decode()) == (can_bench.MOTOR, can_bench.BENCH), "as ingested, until one is accepted"
     capsys.readouterr()

@@ -91,6 +91,8 @@ def test_straight_lines_between_rows_are_driven(bench: Path, tmp_path: Path) -> 
             'column "sped_rpm" is nothing that this motor file is driven by. Nearest',
         ),
         (POINT.replace("3000,12,30\n1500", "x,12,30\n1500"), "row 3 does not hold 4 numbers: 10,x,12,30"),
+        (POINT.replace(",", ";"), "columns are separated by commas, numbers have a decimal point"),
+        (POINT.replace("1500,3000,12,30", "1500,3000,12,-300"), "coolant_degC falls to -300, below -273.15 °C"),
         (f"{HEAD}10,0,0,30\n0,0,0,30\n", "time_s must rise from row to row"),
         (POINT.replace("1500", "600"), "the tests last 10 min together, too short"),
         (HOT, "point: the winding is above its 70 °C after"),
@@ -104,6 +106,16 @@ def test_a_list_that_cannot_be_planned_from_is_one_line(
     error = capsys.readouterr().err.strip()
     assert says in error
     assert "\n" not in error
+
+
+@pytest.mark.parametrize("written", ["point.csv", "../{}/point.csv"])
+def test_a_test_is_not_written_over_by_the_day(
+    bench: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], written: str
+) -> None:
+    with pytest.raises(SystemExit):
+        _asked(bench, tmp_path, POINT, "--out", str(tmp_path / written.format(tmp_path.name)))
+    assert "is a file that the day is planned from: give --out another name" in capsys.readouterr().err
+    assert (tmp_path / "point.csv").read_text(encoding="utf-8") == POINT
 
 
 @pytest.mark.parametrize(

@@ -41,8 +41,13 @@ def test_where_nothing_began_it_says_so(fleet: Fleet, capsys: Capture) -> None:
     ("words", "says"),
     [
         (["TC_magnet"], "sessions of 3 specimens (servo-01, servo-02, servo-03): say --specimen"),
+        (["TC_magnet", "--sessions", "a_1", "b_1"], "sessions of 2 specimens (servo-01, servo-02): say --specimen"),
+        (
+            ["TC_magnet", "--sessions", "a_1", "b_1", "--specimen", "servo-01"],
+            "1 session of specimen servo-01 to look in: where something began needs two at least.",
+        ),
         (["TC_magnt", "--specimen", "servo-01"], "TC_magnt: observes no node in these sessions. Nearest: TC_magnet"),
-        (["TC_magnet", "--specimen", "servo-09"], "0 sessions of specimen servo-09 to look in"),
+        (["TC_magnet", "--specimen", "servo-09"], "--specimen servo-09: no session here is of it. Nearest: servo-0"),
     ],
 )
 def test_what_cannot_be_looked_for_is_refused_in_a_line(
