@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from ingest.bench.bench_file import read_bench
-from ingest.bench.resolving import check_nodes, resolve
+from ingest.bench.resolving import check_nodes, refuse_unit_row, resolve
 from ingest.bench.signals import Signal
 from ingest.errors import IngestError
 from made import can_bench, potted_servo
@@ -173,10 +173,11 @@ LINK = '[[link]]\nbetween = ["winding", "c"]\nterms = [{coefficient = 1.0'
 
 def _meets_a_log(data: bytes, name: str) -> None:
     log = [Signal("T", bus=bus, message=m) for bus, m in (("can1", "A"), ("can1", "B"), ("can2", "A"))]
-    log += [Signal("EW_A_3v", "TempA", source="bench.dbc"), Signal("MAG_1"), Signal("n", unit="rad/s")]
+    log += [Signal("EW_A_3v", "TempA", source="bench.dbc"), Signal("MAG_1"), Signal("n")]
     bench = read_bench(data, name)
     check_nodes(bench, ["magnet"], ["coolant"])
     resolve(bench, log)
+    refuse_unit_row(bench, {"n": "rad/s"}, "tue.csv")
 
 
 @pytest.mark.parametrize(

@@ -74,7 +74,7 @@ def integrator_says(summary: Summary) -> str | None:
 
 
 def _session(summary: Summary) -> list[str]:
-    """What was measured, what the model gets wrong, and what it says of places without a sensor."""
+    """What was measured, what the model gets wrong, and what it says of places without a sensor; at most four lines."""
     name = summary.session_name
     head = name if len(name) <= NAME else f"{name[: NAME - 1]}…"
     model = f"model {summary.motor} {words.short(summary.model)}"
@@ -82,10 +82,12 @@ def _session(summary: Summary) -> list[str]:
     banded = any(spot.ci95_degC for spot in summary.hot_spots.values())
     by = "by model, 95 %" if banded else "by the model"
     errors = _errors(summary) or ["unknown, as no channel observes a node with usable samples"]
+    notes = left_out(summary)
     return [
         *_cut(f"{head}   ", about, 1),
-        *_cut("  model, on average: ", errors, 2),
-        *_cut(f"  hottest {by}: ", [*heat_words.in_brief(summary), *left_out(summary)], 1),
+        *_cut("  model, on average: ", errors, 1 if notes else 2),
+        *_cut(f"  hottest {by}: ", heat_words.in_brief(summary), 1),
+        *_cut("  ", notes, 1),
     ]
 
 

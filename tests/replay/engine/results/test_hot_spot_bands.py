@@ -122,7 +122,7 @@ def test_a_network_of_hundreds_of_nodes_says_that_it_has_no_band_and_no_filter_a
     assert answer["notes"] == [f"2_kept: no band and no filter: {why}"]
     capsys.readouterr()
     assert main(["replay", "2_kept", "--model", str(sliced), "--store", str(bench / "store")]) == 0
-    assert "; no band and no filter: the network has 102 " in capsys.readouterr().out
+    assert "\n  no band and no filter: the network has 102 nodes" in capsys.readouterr().out
 
 
 def test_a_run_with_band_and_filter_has_nothing_to_note(bench: Path) -> None:

@@ -163,8 +163,9 @@ def test_a_session_has_at_most_four_lines_and_begins_with_its_highest_reading(
     lines = session.splitlines()
     assert len(lines) == 4 and max(map(len, lines)) <= columns
     assert lines[0].startswith(f"{name if len(name) < 40 else name[:39] + '…'}   rotor surface (T_30) measured up to ")
-    assert lines[1].startswith("  model, on average:") and lines[2].endswith(" …")
-    assert lines[3].startswith("  hottest by the model: winding 171 °C, 9.0 K under its ")
+    assert lines[1].startswith("  model, on average:") and lines[1].endswith(" …")
+    assert lines[2].startswith("  hottest by the model: winding 171 °C, 9.0 K under its ")
+    assert lines[3].startswith("  no filter: the motor has no magnet and no rotor whose ")
 
 
 def test_what_does_not_fit_is_left_out_whole_and_no_number_is_cut(monkeypatch: pytest.MonkeyPatch) -> None:
