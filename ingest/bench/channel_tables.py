@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 
 from ingest.bench.channel import Channel
-from ingest.bench.signals import TABLE
+from ingest.bench.signals import BUS, TABLE
 from ingest.errors import BenchFileError, ExpressionError, UnitError
 from ingest.texts.expressions import parse
 from ingest.texts.quantities import CONVENTIONS, STORED_UNIT, converter, known_quantity
@@ -42,7 +42,7 @@ def read_channel(table: TomlTable, elsewhere: Mapping[str, str]) -> Channel:
     if "value" in table:
         return _valued(table)
     signal = table.need("signal", TEXT)
-    qualified = re.fullmatch(r"(?:can\d+:)?\w+\.(\w+)", signal)
+    qualified = re.fullmatch(rf"(?:{BUS}:)?\w+\.(\w+)", signal)
     name = qualified[1] if qualified else signal.removeprefix(f"{TABLE}.")
     return _common(table, name=name, signal=signal, expression=None)
 

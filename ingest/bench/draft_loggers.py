@@ -6,7 +6,8 @@ import re
 from collections import defaultdict
 from collections.abc import Collection, Mapping, Sequence
 
-from ingest.bench.time_tables import BUS, Logger
+from ingest.bench.signals import BUS
+from ingest.bench.time_tables import Logger
 
 _NUMBER = re.compile(r"(\d+)")
 _STEM_END = re.compile(r"\.(?!\d)")  # but not the dots of "thermo_14.03.2025.csv"
@@ -40,6 +41,6 @@ def _logger(logs: Sequence[str]) -> Logger | None:
         pattern += (numbers[0] if a_part else "*") + after
     pattern = re.sub(r"\*[\W_*]*\*", "*", re.sub(r"[?\[\]]", "?", pattern))  # a day is one number
     name = "_".join(re.findall(r"[a-z0-9]+", pattern.casefold()))
-    if not name[:1].isalpha() or BUS.fullmatch(name):
+    if not name[:1].isalpha() or re.fullmatch(BUS, name):
         return None
     return Logger(name, pattern if pattern.endswith("*") else f"{pattern}.*", None)

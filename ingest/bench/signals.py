@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 from ingest.texts.nearest import nearest
 
+BUS = r"can\d+"  # how a bus is called
 TABLE = "rows"  # what stands for a message where the signal is a column of a table
 
 
@@ -55,7 +56,7 @@ class Directory:
         "can2:Message.signal" finds a signal that is tied to no bus, and ties it to that one.
         """
         found = self._by_name.get(name, [])
-        tied = re.fullmatch(r"(can\d+):(.+)", name, re.DOTALL)
+        tied = re.fullmatch(rf"({BUS}):(.+)", name, re.DOTALL)
         if found or not tied:
             return found
         free = [signal for signal in self._by_name.get(tied[2], []) if signal.bus is None and signal.message]
@@ -63,7 +64,7 @@ class Directory:
 
     def nearest(self, name: str) -> str:
         """The signal whose name reads most like `name`, as a clause " Nearest: X (database, message).", or nothing."""
-        bare = re.sub(r"^can\d+:", "", name)
+        bare = re.sub(rf"^{BUS}:", "", name)
         close = nearest(bare, self._by_name) or nearest(bare.rpartition(".")[2], self._by_name)
         return f" Nearest: {self._by_name[close[0]][0]}." if close else ""
 

@@ -11,6 +11,7 @@ from zoneinfo import ZoneInfo, available_timezones
 
 from ingest.bench.changes import moment_ns
 from ingest.bench.channel_tables import exclusive, refusal
+from ingest.bench.signals import BUS
 from ingest.formats import FORMATS, TimeSpec
 from ingest.texts.nearest import hint
 from ingest.texts.toml_file import NAME, NOT_NEGATIVE, POSITIVE, TEXT, TomlTable
@@ -19,7 +20,6 @@ TIME_UNITS = ("s", "ms", "us", "ns", "min", "h")
 TIME_KEYS = ("column", "format", "unit", "zone", "rate_hz", "start", "skip_rows", "sheet")
 OF_FORMAT = tuple(form.name for form in FORMATS)  # [time.csv]: of logs of that format
 LOGGER_KEYS = ("name", "files")
-BUS = re.compile(r"can\d+")
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def read_loggers(tables: Sequence[TomlTable], elsewhere: Mapping[str, str], unti
 def _logger(table: TomlTable, elsewhere: Mapping[str, str], untimed: bool) -> Logger:
     time = read_time(table, LOGGER_KEYS, elsewhere, untimed)
     name = table.need("name", NAME)
-    if BUS.fullmatch(name):
+    if re.fullmatch(BUS, name):
         raise refusal(table, "name", f'name "{name}" is what a bus is called: choose another.')
     return Logger(name, table.need("files", TEXT), time if set(TIME_KEYS) & set(table.values) else None)
 
