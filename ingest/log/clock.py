@@ -30,21 +30,23 @@ STRAY = "its stamp is more than 30 days off those before and after it"
 
 TIMES_OF_DAY = ("time of day", "hours and minutes", "time of day in digits")  # what tables say without a date
 HOUR_NS = 3_600_000_000_000  # a first row below is rather what went by since the start
-UNDATED = "times of day without a date: say `start` under [time]"
 WALL_CLOCKS = ("blf", "asc", "trc", "lvm")  # formats whose date is always that of the recorder, without a zone
 
 
-def times_of(reading: LogReading, spec: TimeSpec) -> str:
-    """What the stamps of a log are, in words: counted from its start, a wall clock taken as some zone, or UTC."""
+def times_of(reading: LogReading, spec: TimeSpec, table: str = "[time]") -> str:
+    """What the stamps of a log are, in words: counted from its start, a wall clock taken as some zone, or UTC; and what
+    to say in this `table` of the bench file where they may be others."""
     if not reading.absolute:
         is_time = reading.settings.get("time") in TIMES_OF_DAY and (reading.start_ns or 0) >= HOUR_NS
-        return UNDATED if is_time else "counted from the log's own start"
+        return (
+            f"times of day without a date: say `start` under {table}" if is_time else "counted from the log's own start"
+        )
     if spec.start_ns is not None:
         return "counted from the start that the bench file says"
     said = reading.settings.get("time")
     if reading.format in WALL_CLOCKS or said == WALL_CLOCK:
         zone = spec.zone if spec.column is None else TimeSpec.zone
-        advice = "; say `zone` under [time] if it is another" if zone == TimeSpec.zone else ""
+        advice = f"; say `zone` under {table} if it is another" if zone == TimeSpec.zone else ""
         return f"{WALL_CLOCK}, taken as {zone}{advice}"
     return said if isinstance(said, str) and " in " in said else "UTC, as the log says"
 

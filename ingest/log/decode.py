@@ -92,8 +92,9 @@ def decode_file(
     said["databases_differ"] = meant.untold(databases, seen, names)
     said["changes"] = _changes(bench, reading)
     logger = bench.logger_of(name) if bench else None
-    times = times_of(reading, bench.time_for(reading.format, name) if bench else TimeSpec())
-    said["times"] = [f"logger {logger.name}, {times}" if logger else times]
+    spec = bench.time_for(reading.format, name) if bench else TimeSpec()
+    whose, table = (f"logger {logger.name}, ", "its [[logger]]") if logger else ("", "[time]")
+    said["times"] = [f"{whose}{times_of(reading, spec, table)}"]
     specimens = Specimens(bench, reading.columns)
     faults = stamps.look(path) if _is_long(reading) else None  # only in such a log can a stamp be far off
     with ThreadPoolExecutor(WRITERS) as pool:

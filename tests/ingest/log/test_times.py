@@ -34,6 +34,10 @@ def said(folder: Path, capsys: Capture, log: Path, bench: str | None = None) -> 
     [
         (None, "the recorder's wall clock, taken as UTC; say `zone` under [time] if it is another"),
         ('[time]\nzone = "Europe/Rome"\n', "the recorder's wall clock, taken as Europe/Rome"),
+        (
+            '[[logger]]\nname = "box"\nfiles = "sample*"\n',
+            "logger box, the recorder's wall clock, taken as UTC; say `zone` under its [[logger]] if it is another",
+        ),
         ("[time]\nstart = 2025-01-01T00:00:00Z\n", "counted from the start that the bench file says"),
     ],
 )
