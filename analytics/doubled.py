@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from analytics.scans import Schema, Schemas, column_names, name, text
-from ingest.catalogue.at_once import GAP_MEDIANS, LOGGED_NS, comes_first
+from ingest.catalogue.at_once import GAP_MEDIANS, LOGGED_NS, in_turn
 
 if TYPE_CHECKING:
     import duckdb
@@ -73,8 +73,8 @@ def find(connection: duckdb.DuckDBPyConnection, schemas: Schemas) -> None:
     for one, other, first_ns, last_ns, shared, of_one, of_other in connection.execute(OVERLAPS).fetchall():
         for file in {one, other} - measures.keys():
             measures[file] = _measures(connection, file)
-        steps_ns = measures[one][1], measures[other][1]
-        if comes_first(measures[one], measures[other]):
+        lengths_ns, steps_ns = zip(measures[one], measures[other], strict=True)
+        if in_turn(lengths_ns, steps_ns)[0] == 0:
             _beside(connection, schemas, (one, other), steps_ns, (first_ns, last_ns), shared, of_other)
         else:
             turned = [(channel, second, first) for channel, first, second in shared]

@@ -12,7 +12,8 @@ hottest AS MATERIALIZED (  -- found first: the steps of one channel are put in o
     SELECT v.session, v.channel, max(v.value) AS highest
     FROM main.samples AS v
     JOIN wanted AS w ON w.session = v.session AND w.channel = v.channel
-    WHERE v.quantity = 'temperature' AND v.region IS DISTINCT FROM 'boundary' AND NOT v.doubled  -- so that other columns are not read
+    WHERE v.quantity = 'temperature' AND v.region IS DISTINCT FROM 'boundary'  -- so that other columns are not read
+      AND NOT v.doubled
     GROUP BY v.session, v.channel
     QUALIFY row_number() OVER (PARTITION BY v.session ORDER BY highest DESC, v.channel) = 1
 ),

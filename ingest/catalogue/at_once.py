@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 GAP_MEDIANS = 5.0  # median intervals without a sample are a gap
 ABOUT = 0.9  # of the longer one: two logs are about as long
@@ -32,7 +32,7 @@ def counted(t_ns: Ints, value: NDArray[Any], log: Ints) -> Bools:
     logs = np.split(by_log, np.flatnonzero(np.diff(log[by_log])) + 1)
     first, last = (np.array([t_ns[own[end]] for own in logs], np.int64) for end in (0, -1))
     median = np.array([_median(t_ns[own]) for own in logs])
-    turn = _in_turn(last - first, median)
+    turn = in_turn(last - first, median)
     for place, one in enumerate(turn):
         own, before = logs[one], turn[:place]
         if median[one] > LOGGED_NS:
@@ -43,15 +43,10 @@ def counted(t_ns: Ints, value: NDArray[Any], log: Ints) -> Bools:
     return counts
 
 
-def comes_first(one: tuple[float, float], other: tuple[float, float]) -> bool:
-    """Whether of two logs the one counts, by length and median interval of each [ns]; `other` comes later."""
-    if min(one[0], other[0]) < ABOUT * max(one[0], other[0]):
-        return one[0] > other[0]
-    return one[1] <= other[1]
-
-
-def _in_turn(length_ns: Ints, median_ns: NDArray[np.float64]) -> NDArray[np.intp]:
-    """The numbers of logs, the one first that counts before all others: as `comes_first`, the longest as a measure."""
+def in_turn(length_ns: ArrayLike, median_ns: ArrayLike) -> NDArray[np.intp]:
+    """The numbers of logs by length and median interval of each (N,) [ns], the one first that counts before all others:
+    the longest, and of those about as long the one with less time between its samples; of equals the first."""
+    length_ns, median_ns = np.asarray(length_ns), np.asarray(median_ns)
     left = np.argsort(-length_ns, kind="stable")
     turn = []
     while len(left):

@@ -10,14 +10,13 @@ from typing import Any
 from ingest.catalogue import operating_points, power
 from ingest.catalogue.description import ChannelDescription, SessionDescription
 from ingest.catalogue.power import PowerBalance
-from ingest.catalogue.quality import seconds
+from ingest.catalogue.quality import NO_SAMPLES, seconds
 from ingest.facts.events import COUNTS
 from ingest.texts.names import first_of, handle
 from ingest.texts.plain import plain_line
 from ingest.texts.units import as_written
 
 NONE = "–"
-GAP = " has no samples for "  # begins what is said of a channel's gaps
 NAMED = 3  # channels of one gap
 LEAST = 8  # characters that a text in a table is cut to at most
 
@@ -147,7 +146,7 @@ def _next(one: SessionDescription) -> str:
 
 def _look_at(one: SessionDescription) -> Iterator[str]:
     """What is to be looked at: a gap of many channels, as of a logger that was off, is one line."""
-    gaps = {f"{channel.name}{GAP}": channel.name for channel in one.channels}
+    gaps = {f"{channel.name} {NO_SAMPLES} ": channel.name for channel in one.channels}
     told: dict[str, list[str]] = {}
     for says in one.findings:
         name = next((name for begins, name in gaps.items() if says.startswith(begins)), "")

@@ -49,6 +49,7 @@ SET_BY_HAND = ("state", "histogram", "speed_command", "torque_command")  # repea
 WITH = 3  # channels that are held together, at least
 MOST = 2 / 3  # of those that are fine enough to tell
 FINE = 2.0  # steps in a channel's noise: it never repeats for long
+NO_SAMPLES = "has no samples"  # so begins what is said of a channel's gaps
 OF_NO_SENSOR = ("gap", "record_repeated")  # flags of what no sensor is to blame for
 GAP_NS = 1_000_000_000  # a shorter one is jitter of the bus: no motor warms within it
 
@@ -134,7 +135,7 @@ def findings(qualities: Sequence[ChannelQuality]) -> list[QualityFlagged]:
     for quality in (one for one in qualities if one.role != "ignored"):
         found += _constant(quality) if quality.role == "input" else _masked(quality)
         if quality.gaps:
-            found.append(_flag(quality.name, "gap", f"has no samples for {_times(quality.gaps)}", quality.gaps))
+            found.append(_flag(quality.name, "gap", f"{NO_SAMPLES} for {_times(quality.gaps)}", quality.gaps))
     return found
 
 

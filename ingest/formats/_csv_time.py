@@ -378,14 +378,14 @@ def _of_day(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
         return None
     clock = kind(says=kind.called, absolute=start is not None, columns=(column,), origin_ns=start or 0, either=either)
     first_s = clock.seconds(said[0])
-    if start is not None and kind.turn_s == DAY_S and _is_near(first_s, begins := _of_its_day_s(start, time.zone)):
+    if start is not None and kind.turn_s == DAY_S and _is_near(first_s, begins := _of_its_day_s(start, time.local)):
         clock = replace(clock, origin_ns=start - round(begins * 1e9))
     return clock
 
 
-def _of_its_day_s(start_ns: int, zone: str) -> float:
+def _of_its_day_s(start_ns: int, zone: ZoneInfo) -> float:
     """The time of day of a stamp in a zone [s]."""
-    begins = datetime.fromtimestamp(start_ns / 1e9, ZoneInfo(zone))
+    begins = datetime.fromtimestamp(start_ns / 1e9, zone)
     return (begins - begins.replace(hour=0, minute=0, second=0, microsecond=0)).total_seconds()
 
 

@@ -158,12 +158,12 @@ def resolved(
     found: dict[int, Sequence[ResolvedChannel]] = {}
     for one, state in zip(readings, alike, strict=True):
         if state not in found:
-            together = [other for other, its in zip(readings, alike, strict=True) if its == state]
+            of_state = zip(readings, names, alike, strict=True)
+            together = [(other, name) for other, name, its in of_state if its == state]
             now = bench.at(one.start_ns if one.absolute else None)
-            for other, name, its in zip(readings, names, alike, strict=True):
-                if its == state:
-                    refuse_unit_row(now, other.units, name)
-            found[state] = _resolved(setup, now, together, readings, known)
+            for other, name in together:
+                refuse_unit_row(now, other.units, name)
+            found[state] = _resolved(setup, now, [other for other, _ in together], readings, known)
     return [found[state] for state in alike]
 
 

@@ -267,7 +267,7 @@ def pairs(first: Sequence[ChannelData], second: Sequence[ChannelData]) -> Iterat
             yield x, y
 
 
-def same(first: Sequence[ChannelData], second: Sequence[ChannelData]) -> list[tuple[ChannelData, ChannelData]]:
+def of_one_sensor(first: Sequence[ChannelData], second: Sequence[ChannelData]) -> list[tuple[ChannelData, ChannelData]]:
     """The channels that two loggers have of one sensor, temperatures last: they tell little at once."""
     both = [(x, y) for x in first for y in second if x.spec.name == y.spec.name]
     return sorted(both, key=lambda pair: pair[0].spec.quantity == "temperature")

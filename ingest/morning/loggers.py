@@ -10,7 +10,7 @@ import numpy as np
 
 from ingest.catalogue.channels import ChannelData
 from ingest.facts.events import ClockAligned, SessionRecorded
-from ingest.morning.clocks import CannotTellError, ClockOffset, LEAST_s, align, pairs, same
+from ingest.morning.clocks import CannotTellError, ClockOffset, LEAST_s, align, of_one_sensor, pairs
 
 TRIED = 4  # pairs of channels that two clocks are compared by
 SIGMAS = 2.0  # within which two clocks agree, and channels tell one lag
@@ -94,9 +94,9 @@ def _streams(
 ) -> Iterator[_Stream]:
     by_clock: dict[tuple[str, str | None], list[ChannelData]] = {}
     for one in channels:
-        if len(one.t_ns) > 1 and one.buses and one.spec.role != "ignored" and one.spec.value is None:
-            second = _second(one)
-            own = one.samples(~np.isin(one.raw, [*second]))
+        second = _second(one)
+        own = one.samples(~np.isin(one.raw, [*second]))  # what others fill of its gaps would only go with itself
+        if len(own.t_ns) > 1 and one.buses and one.spec.role != "ignored" and one.spec.value is None:
             first = one.buses[own.raw[0]]
             by_clock.setdefault((first, None), []).append(own)
             for raw, log in second.items():
@@ -107,8 +107,7 @@ def _streams(
 
 
 def _second(channel: ChannelData) -> dict[int, ChannelData]:
-    """What other logs, by their number among its own, hold of a channel beside it for long enough, without what they
-    fill of its gaps: that would not go with itself."""
+    """What other logs, by their number in `raws`, hold of a channel beside it for long enough to be compared."""
     beside = channel.beside
     logs = {} if beside is None else {raw: beside.samples(beside.raw == raw) for raw in np.unique(beside.raw).tolist()}
     return {raw: log for raw, log in logs.items() if (log.t_ns[-1] - log.t_ns[0]) / 1e9 >= LEAST_s}
@@ -127,7 +126,7 @@ def _at_once(one: _Stream, other: _Stream) -> bool:
 def _beside(reference: _Stream, one: _Stream) -> LoggerClock:
     names = _called(reference, one), _called(one, reference)
     told, why = [], "no two of their channels measure the same"
-    of_both = same(reference.channels, one.channels) if one.beside else pairs(reference.channels, one.channels)
+    of_both = of_one_sensor(reference.channels, one.channels) if one.beside else pairs(reference.channels, one.channels)
     for x, y in islice(of_both, TRIED):
         try:
             told.append(align(x, y, names))

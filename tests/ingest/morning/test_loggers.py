@@ -128,3 +128,9 @@ def test_two_loggers_of_one_steady_test_are_compared_by_what_both_have_seen() ->
         (said,) = (one.says for one in found)
         assert said.startswith("can1 of b.blf is 37.02 s late against can1 (±0.06 s)"), said
         assert said.endswith(f", by {name}")
+
+
+def test_a_channel_of_which_only_another_log_holds_anything_usable_is_compared_with_nothing() -> None:
+    one = _stamped("can1", 0.0, 1)
+    fills = replace(one, raw=np.ones_like(one.raw), raws=("a", "b"), buses=("can1", "can1"))
+    assert compared([(_session("night"), [replace(fills, beside=_later(one))])], str) == []
