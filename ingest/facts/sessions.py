@@ -345,8 +345,7 @@ class _Heirs:
         return self._now[max(found, key=lambda place: (found[place], -place))] if found else None
 
     def _with(self, file: Mapping[str, Any]) -> set[int]:
-        """The sessions with records of a file: where several have some, the one whose run its first record falls
-        into."""
+        """The session with records of a file: of several the one whose run its first record falls into."""
         places = self._places.get(file["raw"], set())
         if len(places) < 2:
             return places

@@ -73,8 +73,7 @@ EXPONENT = r"(?:[eE][+-]?[0-9]+)?"
 
 
 def is_missing(cell: str) -> bool:
-    """Whether a cell, without blanks around it, says that there is no number: by a sign for "missing", or by a bound
-    alone."""
+    """Whether a cell without blanks around says that there is no number: a sign for "missing", or a bound alone."""
     return cell in MISSING or BEYOND.fullmatch(cell) is not None
 
 

@@ -58,8 +58,7 @@ def unit_of_time(text: str | None) -> str | None:
 
 
 def digits_of(name: str) -> int:
-    """Of the part of the second that a column with this name holds: 3 of `ms` and `Time(ms)`, 6 of `us`, 9 of `ns`; 0
-    of others."""
+    """Digits of a second's part in a column of this name: 3 of `ms` and `Time(ms)`, 6 of `us`, 9 of `ns`, else 0."""
     base, unit = base_and_unit(name)
     said = unit if (base in TIME_NAMES or base.endswith("stamp")) and unit else name
     return DIGITS.get(UNITS_NS.get(said.casefold(), 0.0), 0)

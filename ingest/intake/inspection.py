@@ -187,8 +187,7 @@ def _untimed(reader: Reader, path: Path, recording: Path) -> tuple[LogReading, s
 
 
 def _ranges(recording: Path, parts: Specimens) -> tuple[dict[str, tuple[float, float]], set[str]]:
-    """The least and the greatest value of each column of numbers, and which columns hold anything; `parts` is told of
-    all rows."""
+    """The least and greatest value of each column of numbers, and which columns hold any; `parts` hears of all rows."""
     spans, held = dict[str, tuple[float, float]](), set[str]()
     for _, batch in read(recording):
         if not isinstance(batch, Rows):

@@ -107,8 +107,7 @@ _block_out: Any = intrinsic(_giving)
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def interleave(sources: tuple[Floats, ...], first: int, into: Floats) -> bool:
-    """Fill `into` (Q, LANES): lane c from number `first` on of source c of `LANES` (flat). Returns whether all of it
-    is finite."""
+    """Fill `into` (Q, LANES): lane c from number `first` on of source c (flat). Returns whether all of it is finite."""
     whole = len(into) - len(into) % LANES
     sums = np.zeros((1, LANES))
     left = vectors(sums, (LANES,))

@@ -236,8 +236,7 @@ scale_vectors: Any = intrinsic(prefer_literal=True)(_scaling)
 
 
 def transposed(builder: Any, block: list[Any]) -> list[Any]:
-    """The transpose of a block, `LANES` vectors of as many numbers: halves of halves change places across the
-    diagonal."""
+    """The transpose of a block, `LANES` vectors as long: halves of halves change places across the diagonal."""
     turned = list(block)
     for half in (1, 2, 4):
         for r in (r for r in range(LANES) if not r & half):

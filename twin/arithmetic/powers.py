@@ -69,8 +69,7 @@ def log(x: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def exp(x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """e^x (N,), within 1.5e-16 of it where it is a normal number: 2^k e^r, |r| <= ln 2 / 2, Taylor series by Estrin's
-    scheme."""
+    """e^x (N,), within 1.5e-16 if a normal number: 2^k e^r, |r| <= ln 2 / 2, Taylor series by Estrin's scheme."""
     k, series = _split(np.clip(x, _LEAST, _MOST))
     with np.errstate(over="ignore"):
         result: NDArray[np.float64] = np.ldexp(series, k.astype(np.int32))

@@ -71,8 +71,7 @@ def influence(network: Network, tests: Sequence[Test]) -> Influence:
 
 
 def columns(network: Network, test: Test) -> Iterator[Floats]:
-    """The derivative of each node's temperature in each block by each ln parameter [K], some blocks at a time (b, n,
-    P)."""
+    """The derivative of each node's temperature in each block by each ln parameter [K] (b, n, P), some at a time."""
     places, values = of_motor(network)
     every = of_every_node(network, test.frame)
     return (some * values for some in block_columns(network, test.frame, test.initial, every, places))

@@ -27,8 +27,7 @@ MAD = 1.4826  # sd of a normal over its median absolute deviation
 
 
 def outliers(found: Fit) -> dict[tuple[int, str], Bools]:
-    """(test, channel) -> which of the channel's blocks (B,) that are there jump, for channels where any does.
-    Temperatures only."""
+    """(test, channel) -> which of the channel's blocks (B,) jump, for channels where any does. Temperatures only."""
     marked = {}
     names = {channel.name for test in found.model.tests for channel in test.channels}
     for series in found.series:

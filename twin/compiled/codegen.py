@@ -99,8 +99,7 @@ def read_inputs(w: Writer, tableau: Tableau) -> None:
 
 
 def add_group(w: Writer, index: int, group: Group) -> None:
-    """The heat of a group, linear about the start of the step: its slopes go into the matrix, what is left to the
-    right-hand side."""
+    """A group's heat, linear about the step's start: its slopes go into the matrix, the rest to the right-hand side."""
     w.hoisted += [f"c{i} = coefficients[{i}]" for i, _ in group.terms]
     w.lines.append(f"g{index} = " + " + ".join(f"c{i}" if j == CONSTANT else f"c{i} * f{j}" for i, j in group.terms))
     if group.other != NOBODY:

@@ -79,8 +79,7 @@ class Table:
 
 
 def psi(table: Table, temperatures: Floats, boundaries: Floats) -> tuple[Floats, Floats]:
-    """psi (L, N) of laws at temperatures (N, n) [degC] with boundaries (N, b) [degC], and its slope (L, N) with the
-    temperature at b."""
+    """psi (L, N) of laws at temperatures (N, n), boundaries (N, b) [degC], and its slope (L, N) with that at b."""
     found = np.empty((2, len(table.places), len(temperatures)))
     _psi(table.places, table.numbers, table.copper, every_place(temperatures, boundaries), found)
     return found[0], found[1]

@@ -338,8 +338,7 @@ def _eliminated(found: Naming, accepted: list[tuple[Candidate, Parameter]]) -> N
 
 
 def at_the_patchwork(naming: Naming) -> FreeHeat:
-    """The free heat with most evidence where the patchwork acts, with what the patchwork's strongest term has for
-    it."""
+    """The free heat with most evidence where the patchwork acts, with what its strongest term has for it."""
     network = naming.final.model.network
     nodes = frozenset[str]().union(*(nodes_of(refit.candidate, network) for refit in naming.patchwork))
     strongest = max(refit.log_bayes_factor for refit in naming.patchwork)

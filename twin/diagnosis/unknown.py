@@ -89,8 +89,7 @@ def free_heat(
 
 
 class SumsOverTests:
-    """A free heat of q heights that are the same in all tests, added up test after test: the columns of none are
-    kept."""
+    """A free heat of q heights, alike in all tests, added up test after test: the columns of none are kept."""
 
     def __init__(self, q: int, e0: Array, projector: Projector) -> None:
         self.e0, self.projector = e0, projector

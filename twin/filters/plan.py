@@ -203,8 +203,7 @@ def law_of(laws: LawTable, at: Index, g: int) -> tuple[int, int]:
 
 @within
 def ends_of(laws: LawTable, at: Index, g: int) -> tuple[int, int, int]:
-    """Whose temperatures are T_a, T_b and T_m in group g: a node, or n + boundary; below 0 where its law has none of
-    them."""
+    """Whose temperatures are T_a, T_b and T_m in group g: a node, or n + boundary; below 0 if its law has none."""
     row = laws.places + 6 * g
     return at[u(row)], at[u(row + 1)], at[u(row + 3)]
 

@@ -119,8 +119,7 @@ def _gather(plan: Plan, m: Floats, before: Floats, after: Floats, weight: float,
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def _root(covariance: Floats, root: Floats) -> None:
-    """The lower triangle (S, S) of Cholesky of P into `root`; a number that the others determine gets a column of
-    zeros."""
+    """The lower triangle (S, S) of Cholesky of P into `root`; a number that others determine gets a column of zeros."""
     for j in range(len(root)):
         own = covariance[j, j]
         left = own

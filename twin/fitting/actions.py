@@ -117,8 +117,7 @@ class BoundaryBias:
 
 @dataclass(frozen=True)
 class Beside:
-    """A channel follows p of a node (an index) and 1 - p of its own place:
-    a thermocouple reads a mixture of what it touches."""
+    """A channel follows p of a node (an index), 1 - p of its own place: it reads a mixture of what it touches."""
 
     channel: str
     node: int

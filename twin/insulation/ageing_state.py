@@ -109,8 +109,7 @@ def _read(mean: Floats, covariance: Floats, y: Floats, sd: Floats) -> tuple[Floa
 
 
 def onwards(state: State, dose_h: float, law: Ageing) -> State:
-    """The state at a later dose, without a check: what a session between two checks has. Up to the state's own dose it
-    is the same."""
+    """The state at a later dose, without a check, as between two checks. Up to the state's own dose it is the same."""
     to_h = max(dose_h, state.dose_h)
     covariance = np.zeros((3, 3))
     covariance[G, G], covariance[R, R] = state.ln_factor_sd**2, state.rate_sd**2

@@ -241,8 +241,7 @@ def _mapped(table: Map, u: Mapping[str, NDArray[np.float64]]) -> NDArray[np.floa
 
 
 def _placed(rising: tuple[float, ...], u: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """The knot at or before each value (length,), the last but one at most, and the share of the way to the next
-    (length,)."""
+    """The knot at or before each value (length,), at most the last but one, and the share of the way to the next."""
     knots = np.array(rising)
     at = np.clip(u, knots[0], knots[-1])
     left = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, knots.size - 2)

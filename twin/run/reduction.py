@@ -204,8 +204,7 @@ class _Work:
         return share
 
     def pairs(self, state: _State) -> list[tuple[int, int]]:
-        """Coupled pairs of groups, least estimate first; two with nodes of `apart` only where there is no other
-        pair."""
+        """Coupled pairs of groups, least estimate first; two with nodes of `apart` only without any other pair."""
         member = (self._shares(state) > 0).astype(np.float64)
         between = member.T @ self._between @ member
         coupled = (np.triu(between + between.T, 1) > 0) & _may_join(state.network)
@@ -216,8 +215,7 @@ class _Work:
         return [(int(first[p]), int(second[p])) for p in np.argsort(cost, kind="stable")]
 
     def estimates(self, state: _State, first: NDArray[np.intp], second: NDArray[np.intp]) -> Floats:
-        """Root mean square (pairs,) [K] that merging groups `first` and `second` is expected to add at the nodes of
-        interest."""
+        """Root mean square (pairs,) [K] that merging groups `first` and `second` would add at the nodes of interest."""
         share = self._shares(state)
         member = (share > 0).astype(np.float64)
         balance, capacity = member.T @ self._balance @ member, member.T @ self._capacity

@@ -69,8 +69,7 @@ def courses(form: str, x: Floats, at: Floats, turns: int) -> Courses | None:
 
 
 def courses_of_all(x: Floats, at: Floats, turns: int) -> Courses:
-    """The courses of every form for which the checks are enough, one form after the other; weights sum to the number
-    of forms."""
+    """The courses of every form that has enough checks, form after form; weights sum to the number of forms."""
     found = [given for form in CHANGING if (given := courses(form, x, at, turns)) is not None]
     return Courses(*(np.concatenate([getattr(given, of.name) for given in found]) for of in fields(Courses)))
 

@@ -102,8 +102,7 @@ class _Lines:
 def _fitted(
     who: Ints, dose: Floats, y: Floats, root: Floats, pull: Floats
 ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-    """Lines with weights pull / sd^2: sums of weights, dose less its mean, its spread, slopes, and residuals over
-    sd."""
+    """Lines weighed by pull / sd^2: sums of weights, dose less its mean, its spread, slopes, residuals over sd."""
     w = root**2 * pull
     weight = np.bincount(who, w)
     centred = dose - (np.bincount(who, w * dose) / weight)[who]

@@ -161,8 +161,7 @@ class HalvingInterval(Quantity):
 
 
 def estimate(fit: LifeFit, quantity: Quantity) -> float:
-    """psi of `quantity` by the fitted law; NaN where it has none (an index where lives do not get shorter with
-    heat)."""
+    """psi of `quantity` by the fitted law; NaN where it has none (an index if lives do not shorten with heat)."""
     return float(quantity.psi(fit, np.array(fit.location), np.array(fit.eV), np.array(fit.sigma)))
 
 

@@ -67,8 +67,7 @@ def by_energy(
 def by_doubling(
     temperature_degC: ArrayLike, hours: ArrayLike, strength: ArrayLike, criterion: float, at_degC: float
 ) -> Fall | NoFit:
-    """As `by_energy`, with the kelvin that double the rate instead (Nelson's own form, and NIST's reference
-    problem)."""
+    """As `by_energy`, with the kelvin that double the rate instead (Nelson's own form, NIST's reference problem)."""
     return _fitted(temperature_degC, hours, strength, criterion, at_degC, Doubling, DOUBLINGS_K)
 
 

@@ -64,8 +64,7 @@ class Trace:
 
 
 def hottest(channels: Iterable[ChannelData]) -> ChannelData | None:
-    """The copper channel with the highest temperature; without any, the hottest other place of the specimen: never a
-    boundary."""
+    """The copper channel with the highest temperature; without any, the hottest other place: never a boundary."""
     thermometers = (c for c in channels if c.spec.quantity == "temperature" and c.spec.role == "observed")
     own = [channel for channel in thermometers if channel.spec.region != "boundary" and len(channel.t_ns)]
     copper = [channel for channel in own if channel.spec.region == "copper"]

@@ -154,8 +154,7 @@ class Rig:
         return answers
 
     def _iron_off_by(self, left_out: Sequence[Mapping[str, str]]) -> list[float]:
-        """By how much the iron's sensors of each check have to be moved [K]: read before the load, as for every
-        route."""
+        """By how much each check's iron sensors have to be moved [K]: read before the load, as for every route."""
         from analytics.insulation.checks.zero import of_one_zero
 
         traces = [check.trace for check in self.checks]

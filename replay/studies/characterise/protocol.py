@@ -148,8 +148,7 @@ def _named_model(facts: Facts, sessions: Sequence[SessionRecorded]) -> str:
 
 
 def by_kind(sessions: Sequence[SessionRecorded]) -> tuple[tuple[SessionRecorded, ...], tuple[SessionRecorded, ...]]:
-    """The sessions to learn from and those to check on. Raises ReplayDataError where either is missing, or a session
-    is neither."""
+    """The sessions to learn from and to check on. Raises ReplayDataError where either is missing, or one is neither."""
     points, drives = (tuple(s for s in sessions if s.kind in kinds) for kinds in (POINTS, DRIVES))
     if other := [s for s in sessions if s not in points and s not in drives]:
         raise ReplayDataError(
@@ -173,8 +172,7 @@ def of_interest(network: Network) -> list[int]:
 def _proposals(
     network: Network, tests: Sequence[Test], noise: Mapping[str, ChannelNoise], taught: Floats, drives: Influence
 ) -> tuple[Proposal, ...]:
-    """The tests of the menu, each the one that adds most an hour to what the recorded ones and those before it
-    teach."""
+    """The tests of the menu, each the one that adds most an hour to what recorded ones and those before it teach."""
     offered = menu(network, tests)
     hours = [len(one.speed) * tests[0].frame.step_s / 3600 for one in offered]
     would_teach = [information(network, as_test(network, tests, one), noise) for one in offered]

@@ -269,8 +269,7 @@ def _withheld(
 
 
 def _order(recorded: Sequence[_Recorded], channels: Sequence[str], first: dict[str, float]) -> list[Left]:
-    """Greedily, at each step the channel without which the worst estimate of all that are done without stays
-    smallest."""
+    """Greedily, at each step the channel without which the worst estimate of those done without stays smallest."""
     left, gone, found = list(channels), list[str](), list[Left]()
     while len(left) > 1:
         tried = {c: first[c] if not gone else _worst(recorded, [x for x in left if x != c], [*gone, c]) for c in left}

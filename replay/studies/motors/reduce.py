@@ -142,8 +142,7 @@ def _says(
     hold_out: Sequence[SessionRecorded],
     lost: Sequence[str],
 ) -> str:
-    """What the new file says above: where it comes from, how good it is, what follows what, and which configurations
-    it lost."""
+    """What the new file says above: where it comes from, how good it is, what follows what, which rigs it lost."""
     learnt, kept = (", ".join(session.name for session in some) for some in (on, hold_out))
     sizes = f"{len(network.nodes)} nodes merged to {len(chosen.groups)}"
     lines = [f"{network.name} with its {sizes}, by its own run on {learnt}:", f"{_error(chosen.trained)}."]
