@@ -253,7 +253,7 @@ def _law(found: Assessed, one: Specimen | None) -> AgeingLaw | None:
 
 
 def _published(store: Store, facts: Facts, motor: str, law: AgeingLaw) -> str:
-    """The motor file with the law in its insulation, as a model with its parent. Raises MotorFileError if it has none."""
+    """The motor file with the law in its insulation, as a child model. Raises MotorFileError where it has none."""
     from analytics.insulation.dose.arrhenius import THRESHOLD_DEGC
 
     parent = facts.models[motor]
