@@ -74,11 +74,7 @@ class Ledger:
         return self.append_all([(stream, event)], happened=happened)[0]
 
     def append_all(
-        self,
-        batch: Sequence[tuple[str, Event]],
-        *,
-        happened: str | None = None,
-        rests_on: tuple[type[Event], ...] = (),
+        self, batch: Sequence[tuple[str, Event]], *, happened: str | None = None, rests_on: tuple[type[Event], ...] = ()
     ) -> list[Recorded]:
         """Add all events of `batch`, or none. Raises LedgerError (refused, nothing stored) and DamageError;
         OvertakenError where another program has recorded an event of one of these streams, or of the kinds that the

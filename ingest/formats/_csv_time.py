@@ -53,15 +53,7 @@ from ingest.formats._csv_stamp_columns import (
     time_cells,
     times_of,
 )
-from ingest.formats._csv_stamps import (
-    DATE_ALONE,
-    DAY_NS,
-    DAYS,
-    DIGITS_ALONE,
-    SECOND_NS,
-    LocalClock,
-    pattern_of,
-)
+from ingest.formats._csv_stamps import DATE_ALONE, DAY_NS, DAYS, DIGITS_ALONE, SECOND_NS, LocalClock, pattern_of
 from ingest.formats._csv_time_names import (
     UNITS_NS,
     base_and_unit,

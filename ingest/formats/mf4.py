@@ -128,13 +128,7 @@ class Mf4Log(MdfLog):
             self._problems.append(str(broken))
 
     def _group(
-        self,
-        mdf: Mdf,
-        records: Records,
-        group: MdfGroup,
-        table: Stored,
-        kind: str,
-        channels: Mapping[str, MdfChannel],
+        self, mdf: Mdf, records: Records, group: MdfGroup, table: Stored, kind: str, channels: Mapping[str, MdfChannel]
     ) -> _Group:
         """Raises BrokenBlock where a channel lies outside its records."""
         clock = next((one for one in group.channels if one.kind in TIMES), None)

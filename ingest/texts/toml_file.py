@@ -91,8 +91,7 @@ DAY: Kind[date] = Kind(  # a datetime is one
     lambda value: _check(value, isinstance(value, date)),
 )
 TEXTS: Kind[list[str]] = Kind(
-    'a list of texts, such as ["a", "b"]',
-    lambda value: [_text(x) for x in _check(value, isinstance(value, list))],
+    'a list of texts, such as ["a", "b"]', lambda value: [_text(x) for x in _check(value, isinstance(value, list))]
 )
 RANGE: Kind[tuple[float, float]] = Kind("two numbers, the lower first, such as [160, 180]", _range)
 NAMED_TEXTS: Kind[Mapping[str, str]] = Kind(

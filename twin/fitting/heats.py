@@ -19,16 +19,7 @@ from twin.run.sparse_march import Loads
 
 Floats = NDArray[np.float64]
 Kind = Literal[
-    "terms",
-    "tents",
-    "features",
-    "tilts",
-    "stored",
-    "following",
-    "bounds",
-    "late",
-    "late features",
-    "late bounds",
+    "terms", "tents", "features", "tilts", "stored", "following", "bounds", "late", "late features", "late bounds"
 ]
 
 

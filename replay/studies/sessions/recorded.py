@@ -91,13 +91,7 @@ def _single(network: Network, channels: Sequence[ChannelData]) -> list[str]:
 
 
 def _test(
-    name: str,
-    kind: str,
-    frame: InputFrame,
-    network: Network,
-    every: Sequence[Monomial],
-    own: int,
-    level: str,
+    name: str, kind: str, frame: InputFrame, network: Network, every: Sequence[Monomial], own: int, level: str
 ) -> Test:
     length = round(BLOCK_S / STEP_S)
     steps = len(frame.features) // length * length
