@@ -44,8 +44,7 @@ class FoundSignal:
 @dataclass(frozen=True)
 class InspectedFile:
     """One file. `reading` None where nothing can be read, `why` then says it; `ranges`: column -> (least, greatest);
-    `stamps`: what is wrong with them, a line each; `days`: the column whose days are its times, which no bench file
-    says."""
+    `stamps`: what is wrong with them, a line each; `days`: the column whose days are its times."""
 
     path: Path
     reading: LogReading | None

@@ -1,5 +1,4 @@
-"""The instructions of `twin.arithmetic.lanes`, written out as vectors of LLVM through numba's interface for
-extensions.
+"""The instructions of `twin.arithmetic.lanes` as vectors of LLVM, through numba's interface for extensions.
 
 A compiler that has to find out for itself whether two rows of one array overlap stops making vectors of loops in one
 release or the other, and does not say so. A product and the sum that it goes into are rounded once, wherever it runs:

@@ -128,9 +128,8 @@ def _vectors(array: Any, lanes: Any) -> Any:
 
 
 def _keep_borders(builder: Any) -> None:
-    """Have all that this function keeps on the stack begin at borders of vectors, as it does where something there is
-    that is looked at. Else each vector lies across two lines of the cache, which costs a large kernel a fifth more
-    time."""
+    """Have all that this function keeps on the stack begin at borders of vectors, as where something there is looked
+    at. Else each vector lies across two lines of the cache: a large kernel takes a fifth longer."""
     place = cgutils.alloca_once(builder, _VECTOR)  # type: ignore[no-untyped-call]
     place.align = 8 * LANES
     builder.asm(ir.FunctionType(ir.VoidType(), [place.type]), "", "r", [place], side_effect=True)

@@ -2,8 +2,7 @@
 
 The paper's sensitivities (its section 3.1): the exact derivative of every node's temperature by every parameter's
 logarithm, here times the parameter's prior standard deviation, so that a well-known loss and a guessed film are
-measured with one scale. All are sums over blocks of 10 s, taken as the blocks come (`twin.run.block_columns`): no test
-is too long.
+measured with one scale. All are sums over blocks of 10 s, taken as they come (`twin.run.block_columns`).
 """
 
 from __future__ import annotations

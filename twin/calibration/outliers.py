@@ -1,5 +1,4 @@
-"""Readings that no motor could give: blocks that jump away from both their neighbours and come back, such as of a loose
-contact.
+"""Readings that no motor could give: blocks that jump away and come back, such as of a loose contact.
 
 A temperature's residual changes slowly. A block that is further from the median of the five around it than six times
 what is usual in that channel and test, than its own noise allows and than 5 K (1.4826 x the median absolute deviation:

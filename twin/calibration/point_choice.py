@@ -25,8 +25,7 @@ from twin.run.block_columns import Thermometer, block_columns, of_motor
 @dataclass(frozen=True)
 class Choice:
     """One more test, in the order in which they teach most: `gain` [nats] that it adds to those before it; `known_K`
-    (n,) [K], how uncertain each node still is once it is learnt from, by the parameters alone, root mean square over
-    the drive."""
+    (n,) [K], how uncertain each node still is then by the parameters alone, root mean square over the drive."""
 
     test: int
     gain: float
@@ -37,8 +36,7 @@ def information(network: Network, test: Test, noise: Mapping[str, ChannelNoise])
     """Fisher information (P, P) of a test's thermometers on ln coefficients and ln capacities, in the order of
     `twin.calibration.calibrate.freedom`; `noise` by channel.
 
-    Blocks are taken as they come: no test is too long. Raises `DivergedError` where the network's own run leaves the
-    finite numbers.
+    Blocks are taken as they come. Raises `DivergedError` where the network's own run leaves the finite numbers.
     """
     places, values = of_motor(network)
     step_s, n, shared = test.frame.step_s, len(network.nodes), len(places)

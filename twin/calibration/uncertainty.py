@@ -25,8 +25,7 @@ STEP_S = 2.0  # of a run for its derivatives: they need no more
 
 def sd_K(network: Network, test: Test, at: Sequence[tuple[str, float]], covariance: Floats) -> tuple[float, ...]:
     """Standard deviation [K] of the temperature at each (node, time [s]) of a test, by `covariance` (P, P) of ln
-    coefficients and ln capacities in the order of `twin.calibration.calibrate.freedom`, and the test's own
-    `initial_sd`.
+    coefficients and ln capacities in the order of `twin.calibration.calibrate.freedom`, and `initial_sd`.
 
     Raises `DivergedError` where the network's own run leaves the finite numbers.
     """

@@ -82,8 +82,7 @@ def free_heat(
 ) -> FreeHeat:
     """Evidence and heights of a free heat at one node; `e0` (N,) as in `twin.diagnosis.evidence`.
 
-    Sizes are shares of `total_loss_W`, the mean modelled total loss over training. Raises `EvidenceError` where that is
-    not above 0.
+    Sizes are shares of `total_loss_W`, the mean modelled total loss. Raises `EvidenceError` where that is not above 0.
     """
     return _weighed(node, *_reduced(responses, e0, projector), total_loss_W, False)
 

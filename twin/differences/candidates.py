@@ -306,8 +306,7 @@ def _capacities(network: Network) -> Iterator[Candidate]:
 
 def _boundaries(network: Network, sessions: Sequence[str]) -> Iterator[Candidate]:
     """What a boundary reads too much, always or in one session: an inlet that is not measured but taken to be the
-    outlet, a thermometer put elsewhere, air that is drawn from another hall that day are as large then as any
-    constant error."""
+    outlet, a thermometer put elsewhere, air from another hall that day are as large then as any constant error."""
     names = Counter(map(spelt, sessions))
     for b, boundary in enumerate(network.boundaries):
         size, bias = Sigma(BOUNDARY_BIAS_K), actions.BoundaryBias(b)

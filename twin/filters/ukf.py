@@ -1,5 +1,4 @@
-"""Unscented Kalman filter: the filter of `twin.filters.ekf` with its step taken from many points at once instead of
-its derivative.
+"""Unscented Kalman filter: that of `twin.filters.ekf` with its step from many points instead of its derivative.
 
 Sigma points after Van der Merwe (The scaled unscented transformation: Julier, doi:10.1109/ACC.2002.1025369; Wan and
 Van der Merwe, doi:10.1109/ASSPCC.2000.882463): the estimate, and the estimate plus and minus each column of the root

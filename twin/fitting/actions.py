@@ -165,8 +165,7 @@ class HeatTent:
 class HeatMap:
     """p [W] times a map over speed and load into a node: one of those that add up to a free loss map. `heights` at the
     knots `speeds` and `loads` (dimensionless, rising; of `Test.load`, which is the `load` "torque" or "current"), load
-    by load within speed, linear between: of 9 and 5 the second is that of the lowest speed and the second lowest
-    load."""
+    by load within speed, linear between: of 9 and 5 the second has the lowest speed and second load."""
 
     node: int
     speeds: tuple[float, ...]

@@ -56,8 +56,7 @@ class State:
 
 def filtered(specimens: Sequence[Sequence[Check]], law: Ageing) -> list[tuple[State, ...]]:
     """The state after each check of each specimen, from this and its earlier ones, all specimens side by side. Checks
-    in the order of their doses; `law`: what is known of the rates beforehand. ValueError where a dose falls, or an sd
-    is not above 0."""
+    in the order of doses; `law`: what is known of the rates. ValueError where a dose falls, or an sd is not above 0."""
     _refuse(specimens)
     order = sorted(range(len(specimens)), key=lambda i: -len(specimens[i]))  # those with a next check are the first
     found: list[list[State]] = [[] for _ in specimens]

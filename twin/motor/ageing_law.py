@@ -1,5 +1,4 @@
-"""A coefficient that goes with a specimen's earlier heat: the law in the motor file, and the network as a specimen
-has it now.
+"""A coefficient that goes with a specimen's earlier heat: its law in the motor file, and the network as it is now.
 
 A dose is a number of hours above a temperature. It does not change within a session, so a session's network is one
 with other coefficients, and no kernel sees anything of ageing.

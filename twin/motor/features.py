@@ -87,8 +87,7 @@ class Monomial:
     def name(self) -> str:
         """The law as in cause ids: `speed2_current2`, exponents in shortest decimals, 1 not written; `constant`.
 
-        A shape or map adds digits of its own numbers' hash (`speed1.6*shape4f1c02ab`), so that two products never
-        share a name.
+        A shape or map adds digits of its numbers' hash (`speed1.6*shape4f1c02ab`): no two products share a name.
         """
         written = "_".join(f + ("" if e == 1 else f"{e:.15g}") for f, e in self.powers) or "constant"
         if self.shape is None:

@@ -1,5 +1,4 @@
-"""From many nodes to few: coupled nodes are merged greedily, by how much a merger would move the temperatures of
-interest.
+"""From many nodes to few: coupled nodes are merged greedily, by how much that would move temperatures of interest.
 
 A merged node is the sum of its members (`twin.motor.merging`). Nodes of a circuit are merged with the next ones of
 the same circuit only, so that the fluid goes on flowing through each node once.

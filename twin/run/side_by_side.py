@@ -59,11 +59,9 @@ def _together(
     out: Sequence[Floats],
     chunk: Sequence[Floats],
 ) -> None:
-    """Fill `out`, an array for each session, by way of `chunk`: features, boundaries and temperatures of some steps
-    side by side.
+    """Fill `out`, an array for each session, by way of `chunk`: features, boundaries and temperatures of some steps.
 
-    A lane without a session, or whose session is over, does what the longest one does: that is written more than
-    once.
+    A lane without a session, or whose session is over, does what the longest one does.
     """
     steps, longest, n = [len(frame.features) for frame in frames], len(frames) - 1, len(compiled.network.nodes)
     features, boundaries, found = (

@@ -32,10 +32,9 @@ SMALLEST_SPREAD = 1e-9  # of ln strength: below, the law goes through every spec
 
 @dataclass(frozen=True)
 class Fall:
-    """How strength falls. `start`: median strength before ageing, in the unit of the data; `per_h`: fall of ln
-    strength an hour at `at_degC`; `rule`: what an hour is worth, its number with 95 % profile bounds in `between`;
-    `sigma` of ln strength, by maximum likelihood; `log_likelihood` of the strengths. `criterion`: the strength that
-    ends a life."""
+    """How strength falls. `start`: median strength before ageing, in the data's unit; `per_h`: fall of ln strength an
+    hour at `at_degC`; `rule`: what an hour is worth, its number with 95 % profile bounds in `between`; `sigma` of ln
+    strength, by maximum likelihood; `log_likelihood` of the strengths. `criterion`: the strength that ends a life."""
 
     start: float
     per_h: float

@@ -1,5 +1,4 @@
-"""DC checks through the motor file: the rig is a configuration of the motor, and its insulation is estimated in that
-network.
+"""DC checks through the motor file: the rig is a configuration of the motor, in which its insulation is estimated.
 
 Where the bench file of a specimen's checks names a configuration, all its checks are fitted together
 (`twin.insulation.insulation_fit`), by the first of three routes that serves: with the sensors on the iron; without

@@ -117,8 +117,7 @@ def _heat(bins: Mapping[tuple[float, float], float]) -> HoursByTemperature | Non
 
 
 def trace_of(channels: Sequence[ChannelData]) -> CheckTrace:
-    """The log of a DC check on common stamps: means over steps of the slowest temperature channel's interval, at
-    least 1 s.
+    """The log of a DC check on common stamps: means over steps of the slowest temperature's interval, at least 1 s.
 
     Held, stuck and saturated samples are left out; NaN where a step has no sample. Power is its own channel, else
     voltage times current; of several of a quantity the one with the largest mean.

@@ -261,8 +261,7 @@ def _oven_cycles(sessions: Iterable[SessionRecorded], heats: Mapping[str, Trace 
 
 
 def with_tables(history: History, rows: Sequence[tuple[SessionRecorded, Evaluated]]) -> History:
-    """The history with the rows of tables: checks that were evaluated elsewhere, and hours that were counted until
-    then.
+    """The history with the rows of tables: checks evaluated elsewhere, and hours counted until then.
 
     A row of a check that says no dose has what was counted by its time, between two readouts in proportion.
     """

@@ -189,8 +189,7 @@ def ended(
     network: Network, sessions: Sequence[SessionRecorded], frames: Sequence[InputFrame], column: str
 ) -> tuple[Ended, ...]:
     """How each S1 session and each pulse of an S2 session ended. Whether it was at its load's limit is told by the
-    current wherever every session knows it: in field weakening torque is far below its largest while the inverter gives
-    all it can."""
+    current wherever every session knows it: in field weakening torque is far below its largest at full current."""
     currents = [phase_current(frame) for frame in frames]
     driven = [current for current in currents if current is not None]
     by_current = len(driven) == len(frames)

@@ -1,5 +1,4 @@
-"""The paper's protocol over stored sessions: influence on drive cycles, fit on S1 and S2, check and filter on drive
-cycles.
+"""The paper's protocol over stored sessions: influence on drive cycles, fit on S1 and S2, check on drive cycles.
 
 The template is checked, every coefficient and capacity is weighed by what it moves on the drive cycles, the most
 influential ones are fitted to the S1 and S2 points, and the drive cycles, from which nothing was learnt, are replayed
@@ -78,11 +77,9 @@ class Protocol:
 def run_protocol(
     store: Store, facts: Facts, sessions: Sequence[SessionRecorded], model: str | None, level: str, tell: Tell
 ) -> Protocol:
-    """Run the protocol over sessions. The fitted model is published as `calibrate` does, the replays are facts as
-    those of `replay`.
+    """Run the protocol. The fitted model is published as by `calibrate`, the replays are facts as those of `replay`.
 
-    Raises ReplayDataError where there is no S1 or S2 session, no drive cycle, no motor file, or a session lacks what
-    the model needs.
+    Raises ReplayDataError without S1 or S2 session, drive cycle or motor file, or what the model needs of one.
     """
     refuse_other_rigs(sessions)
     points, drives = by_kind(sessions)

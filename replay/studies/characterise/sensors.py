@@ -1,5 +1,4 @@
-"""What each sensor is worth: withheld in turn and estimated from the others; and the margin from a vehicle's sensors
-to the hot spot.
+"""What each sensor is worth: withheld and estimated from the others; and a vehicle's margin to the hot spot.
 
 A filter as it would run in a vehicle (readings so far) estimates what the withheld channel shows. The hot spot itself
 is taken from the smoother with every channel.
