@@ -33,6 +33,18 @@ Floats = NDArray[np.float64]
 STEP_S = 1.0
 
 
+def read_from(facts: Facts, sessions: Sequence[SessionRecorded]) -> dict[str, list[str]]:
+    """What sessions are read from, as the keys of what is learnt from them name it."""
+    decodes = [facts.decodes[file["decode"]] for session in sessions for file in session.files]
+    return {
+        "raw": sorted({d.raw for d in decodes}),
+        "databases": sorted({sha for d in decodes for sha in d.databases}),
+        "benches": sorted({facts.current(session.bench) for session in sessions if session.bench}),
+        "decoder": sorted({d.decoder for d in decodes}),
+        "decodes": sorted({d.decode for d in decodes}),  # which log is read with which of these files
+    }
+
+
 def test_of(
     store: Store,
     facts: Facts,
