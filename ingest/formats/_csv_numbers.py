@@ -88,8 +88,7 @@ class Numerals:
     group: str = ""
 
     def value(self, cell: str) -> float | None:
-        """The number in `cell`; NaN where it is a sign for "missing", or says that it is beyond a range; None where it
-        is text or too large."""
+        """The number in `cell`; NaN for a sign of "missing" or "beyond a range"; None for text or what is too large."""
         cell = cell.strip()
         if is_missing(cell):
             return float("nan")

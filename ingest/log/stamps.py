@@ -205,8 +205,7 @@ class _Steps:
         return np.concatenate([np.zeros(len(t_ns) - len(step), np.bool_), step == 0])
 
     def count(self, found: StampFaults, doubled: _Doubled) -> None:
-        """Add steps back and jumps; where a block begins that is written twice, or the newest record stands first, no
-        clock steps back."""
+        """Add steps back and jumps; where a block is written twice, or the newest record is first, none steps back."""
         steps = most = 0
         for number in self._back.numbers:
             rows = self._back.within(number)

@@ -99,13 +99,11 @@ def in_order(
 
 
 def gain_nats(precision: Floats, more: Floats) -> float:
-    """What `more` information adds to a `precision` (P, P) [nats]: ln det(precision + more) / 2 - ln det(precision) /
-    2."""
+    """What `more` information adds to a `precision` (P, P) [nats]: half the growth of ln det(precision)."""
     return float(np.linalg.slogdet(precision + more)[1] - np.linalg.slogdet(precision)[1]) / 2
 
 
 def known_K(precision: Floats, drive: Influence) -> Floats:
-    """Standard deviation of each node's temperature (n,) [K] under the parameters' `precision` (P, P), root mean square
-    over the drive's blocks."""
+    """Sd of each node's temperature (n,) [K] under the parameters' `precision` (P, P), rms over the drive's blocks."""
     found: Floats = drive.unknown_K([precision])[0]
     return found

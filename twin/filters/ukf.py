@@ -37,8 +37,7 @@ ALPHA, BETA, KAPPA = 0.5, 2.0, 0.0  # points at half of sqrt(size) standard devi
 def filter_unscented(
     network: Network, frame: Frame, start: FilterStart, unknowns: Sequence[Unknown], readings: Sequence[AnyReading]
 ) -> Estimate:
-    """Temperatures and unknowns from the readings by sigma points. Takes, returns and raises what
-    `twin.filters.ekf.filter_unknowns` does."""
+    """Temperatures and unknowns from readings by sigma points, called as `twin.filters.ekf.filter_unknowns` is."""
     return filtered_by(_through, inputs_of(network, frame, start, unknowns, readings))
 
 

@@ -28,8 +28,7 @@ READS = np.array([1.0, -1.0, 0.0])  # m, g, r -> ln R
 
 @dataclass(frozen=True)
 class Check:
-    """An evaluated check: the dose before it [h], and the logarithm of its thermal resistance with its sd, in which
-    repeatability is included."""
+    """A check: the dose before it [h], ln of its thermal resistance and the sd of that, repeatability included."""
 
     dose_h: float
     ln_resistance: float

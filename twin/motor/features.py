@@ -67,8 +67,7 @@ def scale(network: Network, feature: str) -> float:
 
 @dataclass(frozen=True)
 class Monomial:
-    """A product of features to exponents, `((feature, exponent), ...)` in a fixed order, exponents above 0, times its
-    shape or map."""
+    """A product of features, `((feature, exponent), ...)` in fixed order, exponents above 0, times its shape or map."""
 
     powers: tuple[tuple[str, float], ...]
     shape: Shape | Map | None = None
@@ -213,8 +212,7 @@ def _operating_point(table: Map, u: Mapping[str, NDArray[np.float64]]) -> tuple[
 
 
 def _shape_factor(shape: Shape, u: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
-    """What a shape multiplies by (length,). Elementwise products and sums only, for the reason given in
-    `twin.arithmetic.powers`."""
+    """What a shape multiplies by (length,): products and sums only, for the reason in `twin.arithmetic.powers`."""
     left, share = _placed(shape.speed, np.abs(u["speed"]))
 
     def between(values: tuple[float, ...]) -> NDArray[np.float64]:

@@ -40,8 +40,7 @@ LEADING = 8  # pairs that are run at each size below
 
 @dataclass(frozen=True)
 class FullRun:
-    """One session: inputs `frame` of N steps for the full network, and the full network's own temperatures (N + 1, n)
-    [degC] in them."""
+    """One session: inputs of N steps for the full network, and its own temperatures (N + 1, n) [degC] in them."""
 
     frame: Frame
     temperatures: Floats

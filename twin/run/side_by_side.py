@@ -43,8 +43,7 @@ def simulate_all(compiled: Compiled, frames: Sequence[Frame], initials: Sequence
 
 
 def _groups(frames: Sequence[Frame]) -> Iterator[list[int]]:
-    """Indices of sessions that go together, at most `LANES`: with one step size, and about as long as each other, the
-    longest last."""
+    """Indices of sessions that go together, at most `LANES`: of one step size, about equally long, the longest last."""
     order = sorted(range(len(frames)), key=lambda s: (frames[s].step_s, len(frames[s].features)))
     for _, equal in itertools.groupby(order, key=lambda s: frames[s].step_s):
         group = list(equal)

@@ -149,8 +149,7 @@ def _pairs(first: Floats, second: Floats) -> Floats:
 def _joined(
     parts: list[tuple[Floats, float, tuple[float, float]]], turn: Floats, cell: Floats, level: Floats | None = None
 ) -> Courses:
-    """The courses of several parts, each given as columns, the weight of the whole part, and the standard deviations
-    of its amplitudes."""
+    """The courses of several parts, each as columns, the weight of the whole part, and the sd of its amplitudes."""
     columns = np.concatenate([part for part, _, _ in parts])
     weight = np.concatenate([np.full(len(part), w / len(part)) for part, w, _ in parts])
     sds = np.concatenate([np.tile(sd, (len(part), 1)) for part, _, sd in parts])

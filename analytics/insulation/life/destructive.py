@@ -46,8 +46,7 @@ class Fall:
     criterion: float
 
     def quantile(self, p: float, degC: float) -> float:
-        """Hours at `degC` [degC] after which the share `p` of specimens is at or below the criterion; 0 where it was so
-        from the start."""
+        """Hours at `degC` after which the share `p` of specimens is at or below the criterion; 0: from the start."""
         margin = math.log(self.start / self.criterion) + self.sigma * float(ndtri(p))
         rate = self.per_h * float(self.rule.acceleration(degC, self.at_degC))
         return max(margin / rate, 0.0)

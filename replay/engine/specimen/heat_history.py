@@ -31,8 +31,7 @@ class HoursByTemperature:
 
 @dataclass(frozen=True)
 class Trace:
-    """The temperature [degC] of the hottest place of the specimen over a session, `t_ns` (N,) rising, and the
-    `channel` that shows it."""
+    """The specimen's hottest place [degC] over a session, `t_ns` (N,) rising, and the `channel` that shows it."""
 
     t_ns: NDArray[np.int64]
     degC: Floats
