@@ -1,5 +1,4 @@
-"""Vectors of `LANES` numbers as values of compiled functions: what is written for one run is compiled for `LANES` at
-once.
+"""Vectors of `LANES` numbers as values of compiled functions: what is written for one run runs `LANES` at once.
 
 `vectors` makes an array with a last axis of lanes into one whose entries are vectors. Their sums, products,
 quotients, square roots, `np.minimum`, `np.maximum` and comparisons (1.0 where they hold, else 0.0) are one

@@ -24,8 +24,7 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Law:
-    """The law of one place. Node `a` takes the heat; `b` is the link's other end, a node or n + boundary, NOBODY in a
-    source.
+    """The law of one place. Node `a` takes the heat; `b` is the other end, a node or n + boundary, NOBODY of a source.
 
     `law`: a name of `twin.motor.heat_laws.LAWS`. `other`, `slope` [1/K], `reference` [degC]: the temperature factor,
     `other` NOBODY where there is none. `one_way`: the heat is not taken out of b, as that is fluid that flows on, or a

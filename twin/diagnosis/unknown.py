@@ -168,8 +168,7 @@ class Association:
 
 
 def associations(watts: Array, features: Mapping[str, Array], block: int) -> tuple[Association, ...]:
-    """The smoothed heat (q,) [W] regressed on all features together (feature -> its mean (q,) over each tent), the
-    strongest first.
+    """The smoothed heat (q,) [W] regressed on all features (feature -> its mean (q,) over each tent), strongest first.
 
     Bands come from resampling runs of `block` neighbouring tents (at least twice the slowest mode long). A feature that
     does not vary is left out. Raises `EvidenceError` where lengths do not fit or block is not above 0.
