@@ -56,6 +56,10 @@ def _without_drift(t_ns: Times, ppm: float, start_ns: int) -> Times:
     return t_ns - late
 
 
+def _without_stem(reading: Array, share: float, beside: Surroundings) -> Array:
+    return (reading - share * beside.known[AMBIENT]) / (1.0 - share)
+
+
 def _without_input(name: str, per: float) -> CorrectionLaw:
     """T + a u / per, u the magnitude of an input."""
     return CorrectionLaw(off=lambda reading, a, beside: reading - a * beside.known[name] / per, turn=ADDED, needs=name)
@@ -81,7 +85,7 @@ SENSOR: Mapping[str, CorrectionLaw] = {
     "lag": CorrectionLaw(),  # follows T more slowly, by a first-order lag [s]: added to `time_constant_s`
     "drift": CorrectionLaw(off=lambda reading, a, beside: reading - a * beside.hours, turn=ADDED),  # T + a t [K/h]
     "stem": CorrectionLaw(  # T + a (T_ambient - T)
-        off=lambda reading, a, beside: (reading - a * beside.known[AMBIENT]) / (1.0 - a),
+        off=_without_stem,
         both=lambda first, then: 1.0 - (1.0 - first) * (1.0 - then),
         turn=FACTORS,
         needs=AMBIENT,
