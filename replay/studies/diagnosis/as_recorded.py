@@ -23,6 +23,7 @@ from replay.studies.sessions.recorded import test_of
 from twin.fitting.actions import Late, Slowed
 from twin.fitting.fit import Fit
 from twin.fitting.model import Model, Test
+from twin.fitting.recorded import RecordedChannel
 from twin.motor.configured import configured
 from twin.motor.sensor_laws import SensorLaw
 
@@ -55,8 +56,7 @@ def as_recorded(
         for c in both:
             there = recorded[c.name].samples > 0
             moved[c.name].append((c.measured - recorded[c.name].measured)[there])
-        readings = ((c, recorded[c.name]) for c in both)  # as recorded, at the place and with the lag of the corrected
-        ruler = [replace(c, measured=own.measured, samples=own.samples) for c, own in readings]
+        ruler = [_reading(c, recorded[c.name]) for c in both]
         for series in Model(network, [replace(test, channels=tuple(ruler))], ()).residuals(np.zeros(0)):
             residual[series.channel].append(series.y)
     seen = {name: np.concatenate(parts) for name, parts in residual.items() if any(part.size for part in parts)}
@@ -69,6 +69,11 @@ def under(question: Question, version: Version) -> Facts:
     made = {new: replace(question.benches[old], sha256=new) for old, new in version.benches.items()}
     successors = {**facts.successors, **version.benches}
     return replace(facts, benches={**facts.benches, **made}, successors=successors)
+
+
+def _reading(corrected: RecordedChannel, recorded: RecordedChannel) -> RecordedChannel:
+    """The reading as recorded at the place, and with the lag, of the corrected one."""
+    return replace(corrected, measured=recorded.measured, samples=recorded.samples)
 
 
 def measured_as_recorded(
