@@ -10,16 +10,7 @@ from ingest.bench.signals import BUS, TABLE
 from ingest.errors import BenchFileError, ExpressionError, UnitError
 from ingest.texts.expressions import parse
 from ingest.texts.quantities import CONVENTIONS, STORED_UNIT, converter, known_quantity
-from ingest.texts.toml_file import (
-    NAME,
-    NAMED_NUMBERS,
-    NOT_NEGATIVE,
-    NUMBER,
-    POSITIVE,
-    RANGE,
-    TEXT,
-    TomlTable,
-)
+from ingest.texts.toml_file import NAME, NAMED_NUMBERS, NOT_NEGATIVE, NUMBER, POSITIVE, RANGE, TEXT, TomlTable
 
 LEVELS = ("testing", "production")
 ROLES = ("observed", "input", "ignored")

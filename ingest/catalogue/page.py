@@ -14,6 +14,7 @@ from ingest.catalogue.quality import NO_SAMPLES, seconds
 from ingest.facts.events import COUNTS
 from ingest.texts.names import first_of, handle
 from ingest.texts.plain import plain_line
+from ingest.texts.times import clock
 from ingest.texts.units import as_written
 
 NONE = "–"
@@ -92,7 +93,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], width: int, right:
 
 def _session_row(one: Mapping[str, Any]) -> tuple[str, ...]:
     start = one["start"].replace("T", " ")[:16] if one["start"] else NONE
-    about = (one["kind"], start, _clock(one["duration_s"]), one["motor"] or NONE, one["specimen"] or NONE)
+    about = (one["kind"], start, clock(one["duration_s"]), one["motor"] or NONE, one["specimen"] or NONE)
     return one["name"], *about, str(one["channels"]), f"{one['quarantined']:,}", one["session"][:8]
 
 
@@ -101,7 +102,7 @@ def _heading(one: SessionDescription) -> list[str]:
     facts = {"motor": one.motor, "specimen": one.specimen, "batch": one.batch, "bench": one.bench}
     about = [f"{key} {value}" for key, value in {**facts, "configuration": one.configuration}.items() if value]
     said = [f"{key} = {value}" for key, value in one.attributes.items()]
-    lines = [f"{one.name}   {one.kind}: {one.kind_why}", f"{when}, {_clock(one.duration_s)}, session {one.session}"]
+    lines = [f"{one.name}   {one.kind}: {one.kind_why}", f"{when}, {clock(one.duration_s)}, session {one.session}"]
     lines += [" · ".join(words) for words in (about, said) if words]
     return lines + [f"since {change}" for change in one.changes]
 
@@ -211,11 +212,6 @@ def _number(value: float | None) -> str:
 def _noise(value: float | None) -> str:
     """Two digits tell what noise is like: "200", "0.0096"."""
     return NONE if value is None else _number(float(f"{value:.2g}"))
-
-
-def _clock(duration_s: float) -> str:
-    hours, rest = divmod(round(duration_s), 3600)
-    return f"{hours}:{rest // 60:02d}:{rest % 60:02d}"
 
 
 def _cut(text: str, size: int) -> str:

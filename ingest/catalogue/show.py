@@ -75,11 +75,9 @@ def sessions_json(facts: Facts, sessions: Sequence[SessionRecorded] | None = Non
     `quarantined` counts the records of a session's files that were kept but not decoded: rejected, or shorter than
     their message. `quarantined_files` are those in which nothing could be read; they belong to no session.
     """
-    return {
-        "schema": "whyhot.sessions/1",
-        "sessions": [_summary(facts, session) for session in (facts.sessions if sessions is None else sessions)],
-        "quarantined_files": _quarantined(facts),
-    }
+    unread = [{"file": facts.files[raw].name, "sha256": raw, "why": why} for raw, why in facts.unread().items()]
+    shown = [_summary(facts, session) for session in (facts.sessions if sessions is None else sessions)]
+    return {"schema": "whyhot.sessions/1", "sessions": shown, "quarantined_files": unread}
 
 
 def iso(t_ns: int) -> str:
@@ -116,10 +114,6 @@ def known_channels(facts: Facts, session: SessionRecorded) -> list[str]:
     """The channels that a session's logs know of, with or without values, but for those that are ignored."""
     decodes = [facts.decodes[file["decode"]] for file in session.files]
     return list(dict.fromkeys(one["name"] for decode in decodes for one in decode.channels if one["role"] != "ignored"))
-
-
-def _quarantined(facts: Facts) -> list[dict[str, Any]]:
-    return [{"file": facts.files[raw].name, "sha256": raw, "why": why} for raw, why in facts.unread().items()]
 
 
 def _source(facts: Facts, file: Mapping[str, Any]) -> SourceDescription:

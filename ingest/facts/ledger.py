@@ -74,11 +74,7 @@ class Ledger:
         return self.append_all([(stream, event)], happened=happened)[0]
 
     def append_all(
-        self,
-        batch: Sequence[tuple[str, Event]],
-        *,
-        happened: str | None = None,
-        rests_on: tuple[type[Event], ...] = (),
+        self, batch: Sequence[tuple[str, Event]], *, happened: str | None = None, rests_on: tuple[type[Event], ...] = ()
     ) -> list[Recorded]:
         """Add all events of `batch`, or none. Raises LedgerError (refused, nothing stored) and DamageError;
         OvertakenError where another program has recorded an event of one of these streams, or of the kinds that the
@@ -374,7 +370,6 @@ def _refuse_unknown(as_of: str | int, moment: str, recorded: Sequence[Recorded])
 
 
 def _stamp(after: str) -> str:
-    """Now, but at least 1 us after `after` even where the clock was set back, or another machine's is ahead, so that a
-    time is one position."""
+    """Now, but at least 1 us after `after`, whatever the clock says, so that a time is one position."""
     now = utc_text(datetime.now(UTC))
     return max(now, utc_text(datetime.fromisoformat(after) + timedelta(microseconds=1))) if after else now

@@ -175,11 +175,6 @@ def check_without_ledger(folder: Path, why: str, read: bool = True) -> StoreChec
     return found
 
 
-def damage(store: Store, read: bool = True, since: Head | None = None) -> list[str]:
-    """The damage that `check` finds, one line each."""
-    return [one.says for one in check(store, read, since).damages]
-
-
 def _check_files(
     found: StoreCheck,
     folder: Place,

@@ -121,7 +121,7 @@ LOCKED: Mapping[str, str] = {
         (".mfe", ".mfm", ".mfc"),
         "a log that a CANedge encrypted or packed. Export it as MF4 with its MF4 converters (mdf2finalized, with "
         "passwords.json beside it)",
-    ),
+    )
 }
 
 

@@ -15,15 +15,7 @@ from datetime import datetime
 
 from ingest.formats import FD, REMOTE, TRANSMIT, WALL_CLOCK
 from ingest.formats._csv_stamps import DAY_NS, SECOND_NS
-from ingest.formats._frame_lines import (
-    LONGEST_CLASSIC,
-    LONGEST_FD,
-    FrameLines,
-    OneFrame,
-    counted,
-    frame_of,
-    identifier,
-)
+from ingest.formats._frame_lines import LONGEST_CLASSIC, LONGEST_FD, FrameLines, OneFrame, counted, frame_of, identifier
 
 BEGUN = re.compile(r"\*{3}START DATE AND TIME (\d+):(\d+):(\d{4}) (\d+):(\d+):(\d+):(\d+)\*{3}", re.ASCII)
 BASE = re.compile(r"\*{3}(HEX|DEC)\*{3}")

@@ -15,7 +15,7 @@ from typing import Any
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import Rows
-from ingest.formats._text import TextFile, decoded, place_of
+from ingest.formats._text import TextFile, decoded
 from ingest.formats.csv import CsvLog
 
 MOST_NAMES = 5000
@@ -47,7 +47,7 @@ class _ObjectText(TextFile):
         head = "\t".join(map(_cell, self.names)).encode(errors="replace") + b"\n"
         for block in super().blocks():
             lines = block.split(b"\n")
-            yield head + b"\n".join([*map(self._row, lines[:-1]), self._row(lines[-1])])
+            yield head + b"\n".join(map(self._row, lines))
             head = b""
 
     def _row(self, line: bytes) -> bytes:
@@ -103,9 +103,6 @@ class JsonLinesLog(CsvLog):
         if self._objects.lists:
             self.settings["left_out"] = [*self._objects.lists]
         return self._objects
-
-    def _place(self, line: int) -> str:
-        return place_of(self.path, line)
 
 
 reader = JsonLinesLog

@@ -41,9 +41,7 @@ OURS = "arrow"  # encoding of the recordings that whyhot writes
 MOST_COLUMNS = 5000
 DELAY, AGREE_NS = "publish_delay", 1_000_000_000
 RECORD = struct.Struct("<BQ")  # kind and length of what follows
-WAYS_OUT = {
-    "flatbuffer": "flatbuffer is not read. Export it as JSON in Foxglove, or as CSV",
-}
+WAYS_OUT = {"flatbuffer": "flatbuffer is not read. Export it as JSON in Foxglove, or as CSV"}
 
 Decoder = Callable[[bytes], Numbers]
 

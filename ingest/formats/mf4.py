@@ -77,8 +77,7 @@ class _Group:
 
 @dataclass
 class _Part:
-    """Some records of a group as frames, all (N,). The payload of frame i is
-    `data[source[i]:source[i] + length[i]]`."""
+    """Some records of a group as frames, all (N,). Frame i's payload is `data[source[i]:source[i] + length[i]]`."""
 
     t_ns: Ints
     bus: Ints
@@ -129,13 +128,7 @@ class Mf4Log(MdfLog):
             self._problems.append(str(broken))
 
     def _group(
-        self,
-        mdf: Mdf,
-        records: Records,
-        group: MdfGroup,
-        table: Stored,
-        kind: str,
-        channels: Mapping[str, MdfChannel],
+        self, mdf: Mdf, records: Records, group: MdfGroup, table: Stored, kind: str, channels: Mapping[str, MdfChannel]
     ) -> _Group:
         """Raises BrokenBlock where a channel lies outside its records."""
         clock = next((one for one in group.channels if one.kind in TIMES), None)

@@ -26,16 +26,7 @@ from ingest.formats._csv_clocks import LATEST_NS
 from ingest.formats._csv_time import rises
 from ingest.formats._csv_time_names import UNITS_NS, base_and_unit, is_time_name, unit_of_time
 from ingest.formats._joined_tables import NO_DATE, JoinedTables, OwnTimes, held
-from ingest.formats._tdms_file import (
-    TdmsFile,
-    is_number,
-    is_scaled,
-    is_text,
-    is_time,
-    open_tdms,
-    stamps_ns,
-    values,
-)
+from ingest.formats._tdms_file import TdmsFile, is_number, is_scaled, is_text, is_time, open_tdms, stamps_ns, values
 from ingest.texts.nearest import hint
 
 SECOND_NS = 1_000_000_000

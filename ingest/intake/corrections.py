@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ingest.bench.bench_file import Bench, read_bench
+from ingest.bench.bench_file import Bench
 from ingest.errors import CorrectionError, DamageError
 from ingest.facts import facts as ledger_facts
 from ingest.facts import sessions
@@ -19,7 +19,7 @@ from ingest.facts.named import NamedFact, find
 from ingest.facts.sessions import Override
 from ingest.facts.store import Store
 from ingest.intake.attachments import in_words
-from ingest.intake.grouping import group_files
+from ingest.intake.grouping import benches_of, group_files
 from ingest.intake.intake import take_in
 from ingest.intake.retractions import REASON, Batch, PutRight
 from ingest.intake.setup import MotorFile, Setup, prepare, sealed_setup
@@ -117,8 +117,7 @@ def plan_of(
         old = next((getattr(one, what) for one in its if getattr(one, what) != value), value)
         if value is not None and (old != value or not its):
             changes[what] = [old if its else None, value]
-    benches = {sha256: read_bench(store.archive.read(sha256), one.name) for sha256, one in facts.benches.items()}
-    before = sessions.overrides_of(its, benches, facts.decodes).get(raw, Override())
+    before = sessions.overrides_of(its, benches_of(store, facts), facts.decodes).get(raw, Override())
     given = {what: value for what, value in vars(said).items() if value is not None}
     return LogPlan(raw, decode, setup, replace(before, **given), changes)
 

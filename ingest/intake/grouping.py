@@ -59,7 +59,7 @@ def _group(
 ) -> Grouped:
     known = ledger_facts.at(store.ledger)
     if isinstance(known, LookedUp) and not first:
-        changes = _changes_near(known, raws, _benches(store, known), said)
+        changes = _changes_near(known, raws, benches_of(store, known), said)
     else:
         known, changes = _changes(store, said, known, first)
     grouped = Grouped()
@@ -100,7 +100,7 @@ def _changes(
     recorded = store.ledger.proposed(first)
     known = ledger_facts.fold(recorded)
     old = {one.session: one for one in (*before.sessions, *known.sessions)}
-    benches = _benches(store, known)
+    benches = benches_of(store, known)
     names = {sha: one.name for sha, one in known.files.items()}
     every = [one.event for one in recorded if isinstance(one.event, SessionRecorded)]
     overrides = {**sessions.overrides_of(every, benches, known.decodes), **said}
@@ -127,7 +127,8 @@ def _changes_near(
         inside |= more
 
 
-def _benches(store: Store, known: Facts) -> dict[str, Bench]:
+def benches_of(store: Store, known: Facts) -> dict[str, Bench]:
+    """Every bench file of the store, by its SHA-256."""
     return {sha: read_bench(store.archive.read(sha), one.name) for sha, one in known.benches.items()}
 
 
@@ -151,8 +152,7 @@ def _of_kind(session: SessionRecorded, kind: tuple[str, str]) -> SessionRecorded
 
 
 def _is_read(session: SessionRecorded) -> bool:
-    """Whether a session's samples must be read: nobody gave its kind, or it is no short one. Checks of a table say all
-    without."""
+    """Whether samples must be read: nobody gave the kind, or the session is long. Checks of a table say all without."""
     if any("rows" in one for one in session.files):
         return False
     return not session.kind or sum(one["last_record"] - one["first_record"] + 1 for one in session.files) > FEW_RECORDS

@@ -44,8 +44,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class CellDifference:
-    """A cell of operating points: its edges by quantity ("speed": (low, high)), in stored units. `first`, `second`: the
-    mean of each run there."""
+    """Operating points: edges by quantity ("speed": (low, high)), in stored units; the mean of each run there."""
 
     cell: Mapping[str, tuple[float, float]]
     minutes: float

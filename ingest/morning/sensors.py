@@ -1,5 +1,4 @@
-"""Sensors to look at: silent, dead, held, saturated, off their neighbours at rest, jumping together, exchanged,
-drifted.
+"""Sensors to look at: silent, dead, held, saturated, off their neighbours, jumping together, exchanged, drifted.
 
 What a channel says alone is judged by the rules of `ingest.catalogue.quality`. Beside that
 
@@ -24,7 +23,6 @@ import numpy as np
 from ingest.catalogue.channels import ChannelData, current, find
 from ingest.catalogue.kinds import CURRENT_A, STANDSTILL_rpm
 from ingest.catalogue.quality import OF_NO_SENSOR, ChannelQuality, findings, seconds, without_value
-from ingest.facts.events import QualityFlagged
 from ingest.morning.differences import BIAS_K, ChannelDifference, is_around
 from ingest.morning.jumps import jumps_together
 from ingest.texts.times import clock
@@ -55,14 +53,12 @@ def alone(
     there = {one.spec.name for one in channels if len(one.t_ns)}
     silent = [SensorFault(name, "silent", without_value(name)) for name in known if name not in there]
     dead = {one.channel: one for one in _dead(channels, qualities)}
-    flags = [
-        flag for flag in findings(qualities) if flag.flag not in OF_NO_SENSOR and flag.detail["channel"] not in dead
+    flagged = [
+        SensorFault(flag.detail["channel"], flag.flag, flag.says)
+        for flag in findings(qualities)
+        if flag.flag not in OF_NO_SENSOR and flag.detail["channel"] not in dead
     ]
-    return [*silent, *dead.values(), *map(_of_flag, flags), *_off_neighbours(channels, dead)]
-
-
-def _of_flag(flag: QualityFlagged) -> SensorFault:
-    return SensorFault(flag.detail["channel"], flag.flag, flag.says)
+    return [*silent, *dead.values(), *flagged, *_off_neighbours(channels, dead)]
 
 
 def _dead(channels: Sequence[ChannelData], qualities: Sequence[ChannelQuality]) -> Iterator[SensorFault]:

@@ -48,12 +48,7 @@ FUNCTIONS: Mapping[str, tuple[Callable[..., Any], int | None]] = {  # name -> fu
     "max": (lambda *values: reduce(np.maximum, values), None),
     "mean": (lambda *values: reduce(np.add, values) / len(values), None),
 }
-_OPERATORS: Mapping[str, Callable[..., Any]] = {
-    "+": np.add,
-    "-": np.subtract,
-    "*": np.multiply,
-    "/": np.divide,
-}
+_OPERATORS: Mapping[str, Callable[..., Any]] = {"+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide}
 ALLOWED = f"numbers, signals (others than plain names in `backquotes`), + - * / ** and {' '.join(FUNCTIONS)}"
 
 

@@ -91,8 +91,7 @@ DAY: Kind[date] = Kind(  # a datetime is one
     lambda value: _check(value, isinstance(value, date)),
 )
 TEXTS: Kind[list[str]] = Kind(
-    'a list of texts, such as ["a", "b"]',
-    lambda value: [_text(x) for x in _check(value, isinstance(value, list))],
+    'a list of texts, such as ["a", "b"]', lambda value: [_text(x) for x in _check(value, isinstance(value, list))]
 )
 RANGE: Kind[tuple[float, float]] = Kind("two numbers, the lower first, such as [160, 180]", _range)
 NAMED_TEXTS: Kind[Mapping[str, str]] = Kind(
@@ -197,8 +196,7 @@ class TomlTable:
 def read(source: Path | bytes, name: str, schema: str) -> TomlTable:
     """The root table of a TOML file; `name` as in messages, `schema` such as "whyhot.bench/1".
 
-    Raises TomlError where it cannot be read, is no TOML, is over `LARGEST` bytes or nested too deeply, or is of
-    another schema.
+    Raises TomlError where it is no TOML, over `LARGEST` bytes, nested too deeply, or of another schema.
     """
     text = _decode(_load(source, name), name)
     deep = toml_lines.too_deep(text)

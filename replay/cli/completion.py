@@ -137,13 +137,7 @@ def _names(kinds: str, before: Sequence[str]) -> list[str]:
 
 def _name(event: Event) -> tuple[str, str]:
     """The kind and name of what an event brought, both empty where it brought nothing that is called."""
-    from ingest.facts.events import (
-        BenchRegistered,
-        DiagnosisCompleted,
-        ModelPublished,
-        RawFileSealed,
-        SessionRecorded,
-    )
+    from ingest.facts.events import BenchRegistered, DiagnosisCompleted, ModelPublished, RawFileSealed, SessionRecorded
 
     if isinstance(event, SessionRecorded):
         return "s", event.name

@@ -69,10 +69,7 @@ def run(args: argparse.Namespace) -> Answer:
     of_model = "" if args.model is None else f" --model {shlex.quote(args.model)}"
     onward = f"whyhot report {name}{of_model}" if args.as_of is None else f"whyhot replay {name}"
     return Answer(
-        data,
-        replay_text(summaries, onward, checks),
-        1 if refusals else 0,
-        [*refusals, *as_of_note(args.as_of)],
+        data, replay_text(summaries, onward, checks), 1 if refusals else 0, [*refusals, *as_of_note(args.as_of)]
     )
 
 

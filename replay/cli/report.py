@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from replay.cli.answer import Answer, provenance, store_folder, typed
+from replay.cli.asked import ask_page
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -15,14 +15,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "model id, motor name or motor file that the replays are of (default: the one that is current for each session)"
     )
     parser.add_argument("--model", metavar="M", help=says)
-    parser.add_argument(
-        "-o",
-        "--out",
-        metavar="FILE",
-        type=Path,
-        default=Path("report.html"),
-        help="the page to write (default: report.html)",
-    )
+    ask_page(parser, "report.html")
 
 
 def run(args: argparse.Namespace) -> Answer:

@@ -3,21 +3,14 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from replay.cli.answer import Answer, provenance, store_folder, typed
+from replay.cli.asked import ask_page
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("diagnosis", metavar="DIAGNOSIS", help="id of a diagnosis, or its beginning, as d-4f0c")
-    parser.add_argument(
-        "-o",
-        "--out",
-        metavar="FILE",
-        type=Path,
-        default=Path("review.html"),
-        help="the page to write (default: review.html)",
-    )
+    ask_page(parser, "review.html")
 
 
 def run(args: argparse.Namespace) -> Answer:

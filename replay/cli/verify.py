@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from ingest.facts.chain import Head
-    from ingest.facts.store_check import Damage, StoreCheck
+    from ingest.facts.store_check import StoreCheck
 
 HEAD = re.compile("([0-9]{1,18})[: ]([0-9a-f]{12,64})")  # older reports and the status show the root's beginning
 
@@ -55,14 +55,11 @@ def run(args: argparse.Namespace) -> Answer:
         "provenance": {**provenance(None, read=args.read, since=args.since), "store_head": head},
     }
     if found.damages:
-        return Answer(data, _text(found, folder), code=1, notes=[*map(_line, found.damages), *found.hints])
+        lines = [one.says + (f"; affects {', '.join(one.affects)}" if one.affects else "") for one in found.damages]
+        return Answer(data, _text(found, folder), code=1, notes=[*lines, *found.hints])
     unread = "every event; sealed bytes were not read (--read reads them)"
     depth = "every event and every sealed byte" if args.read else unread
     return Answer(data, f"intact: {depth}; head {found.head}", notes=found.hints)
-
-
-def _line(one: Damage) -> str:
-    return one.says + (f"; affects {', '.join(one.affects)}" if one.affects else "")
 
 
 def _text(found: StoreCheck, folder: Path) -> str:

@@ -155,8 +155,7 @@ class _Line:
 
 
 def _straight(found: Fit, slopes: Mapping[int, Sequence[_Slope]]) -> dict[int, _Line]:
-    """All slopes of each term as a line of one node's temperature over the tests, steps weighed by what the term
-    carries."""
+    """All slopes of each term as a line of one node's temperature over the tests, steps weighed by what it carries."""
     if not slopes:
         return {}
     model, network = found.model, found.model.network

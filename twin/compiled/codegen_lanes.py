@@ -1,5 +1,4 @@
-"""The kernel of runs side by side: the text of `twin.compiled.codegen`, compiled for vectors in place of numbers
-(`twin.arithmetic.vectors`).
+"""The kernel of runs side by side: the text of `twin.compiled.codegen` compiled for `twin.arithmetic.vectors`.
 
 Every run has the bits that it has alone.
 """

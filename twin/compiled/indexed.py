@@ -1,5 +1,4 @@
-"""The index program: the arithmetic of the straight-line kernel with the network as data, compiled once for all
-networks.
+"""The index program: the straight-line kernel's arithmetic with the network as data, compiled once for all.
 
 One text serves one run and `twin.arithmetic.vectors.LANES` side by side, which then share what its indices cost.
 

@@ -1,6 +1,5 @@
 """What is unusual in a calibrated motor, before any cause: families of numbers that are further from the file than
-usual, single ones that had to go far, those that ended at a bound, and nodes without a sensor that are far from what
-the file says."""
+usual, single ones that had to go far, those that ended at a bound, and nodes without a sensor that are far off."""
 
 from __future__ import annotations
 

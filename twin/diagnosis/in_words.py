@@ -1,5 +1,4 @@
-"""Healthy differences in plain words: each of them, its family, how large it is, where it is held, and what would make
-it sharper."""
+"""Healthy differences in plain words: family, size, where held, and what would make each sharper."""
 
 from __future__ import annotations
 

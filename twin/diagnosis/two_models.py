@@ -29,8 +29,7 @@ TELLS = 3.0  # times what a sensor may be off: so far apart two models are told 
 
 @dataclass(frozen=True)
 class Relief:
-    """A healthy difference and how far it moves `before` and `after` something was named, in the sd that it was given
-    at first."""
+    """A healthy difference and how far it moves `before` and `after` something was named, in its first sd."""
 
     parameter: Parameter
     before: float

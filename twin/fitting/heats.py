@@ -19,16 +19,7 @@ from twin.run.sparse_march import Loads
 
 Floats = NDArray[np.float64]
 Kind = Literal[
-    "terms",
-    "tents",
-    "features",
-    "tilts",
-    "stored",
-    "following",
-    "bounds",
-    "late",
-    "late features",
-    "late bounds",
+    "terms", "tents", "features", "tilts", "stored", "following", "bounds", "late", "late features", "late bounds"
 ]
 
 
@@ -37,8 +28,7 @@ class Heats:
     heats and change of its start: made once, for any vector.
 
     `heated` (H,): columns that bring heat, in rising order; the `loads` count them, and leave others out. `started`
-    (S,): those that change the start alone; each is a mixture, by `shares` (K, S), of K starts that are marched for all
-    of them."""
+    (S,): those that change the start alone; each a mixture, by `shares` (K, S), of K starts that are marched."""
 
     def __init__(self, circuit: Circuit, wanted: Sequence[tuple[int, Action, int]]) -> None:
         self.circuit = circuit

@@ -61,13 +61,7 @@ assert NOBODY == -1  # the last entry of what `Products.weights` takes
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def _add_products(
-    to: Integers,
-    weight: Floats,
-    of_first: Integers,
-    first: Floats,
-    of_second: Integers,
-    second: Floats,
-    out: Floats,
+    to: Integers, weight: Floats, of_first: Integers, first: Floats, of_second: Integers, second: Floats, out: Floats
 ) -> None:
     for e in range(len(to)):
         if weight[e] != 0.0:

@@ -25,8 +25,7 @@ SHARE = 1e-7  # of tau^2, to which it is found
 
 @dataclass(frozen=True)
 class Spread:
-    """`centre` (g,) of each group and its variance (g,), NaN and infinite for a group without values; `tau`^2 of
-    all."""
+    """Each group's `centre` (g,) and variance (g,), NaN and infinite of a group without values; `tau`^2 of all."""
 
     centre: Floats
     variance: Floats

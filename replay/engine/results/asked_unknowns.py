@@ -6,13 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from replay.engine.frame.observations import Observation
-from replay.engine.results.filtered import (
-    HEAT_WALK_SHARE,
-    LEAST_NOISE_K,
-    MOST_FACTOR_SD,
-    place_of_loss,
-    unknown_heat,
-)
+from replay.engine.results.filtered import HEAT_WALK_SHARE, LEAST_NOISE_K, MOST_FACTOR_SD, place_of_loss, unknown_heat
 from replay.errors import ReplayDataError
 from twin.differences.candidates import sensor_place
 from twin.filters.unknowns import Unknown, UnknownBias, UnknownFactor, terms_of

@@ -52,10 +52,7 @@ def _reading(
     scatter = max(float(np.mean(np.diff(beyond) ** 2)) / 2 if beyond.size > 1 else 0.0, o.sensor.noise**2, LEAST_W**2)
     size = max(float(np.sqrt(np.mean(sd[there] ** 2))) if there.any() else 0.0, LEAST_W)
     reading = HeatReading(
-        channel=o.sensor.name,
-        value=np.where(there, value, np.nan),
-        variance=scatter + sd**2,
-        boundary=what.boundary,
+        channel=o.sensor.name, value=np.where(there, value, np.nan), variance=scatter + sd**2, boundary=what.boundary
     )
     return reading, UnknownBias(o.sensor.name, size, size / np.sqrt(WANDERS_S))
 

@@ -1,8 +1,7 @@
 """The hottest winding and magnet of a run, limits, and what derating made of them: parts of a run's summary.
 
 A node is the mean of its lump, and where lumps of different sizes lie is not in a motor file: there a hot spot is no
-more than its node. Equal slices in a row are cells of one bar, and the bar's profile is hotter between their middles
-than any of them.
+more than its node. Equal slices in a row are cells of one bar, and its profile is hotter between their middles.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from ingest.bench.derating import DeratingRule
 from ingest.catalogue.channels import ChannelData
 from replay.engine.frame.inputs import InputSamples, held
 from replay.engine.results.summary import DeratingCourse, HotSpot, LimitPassed, SpotProfile
-from twin.motor.network import Network, Node
+from twin.motor.network import Network
 from twin.run.derating import Derating, derated
 
 Floats = NDArray[np.float64]
@@ -58,12 +57,9 @@ def _beside(network: Network, of: int) -> list[int]:
     own = nodes[of]
     ends = ((link.b if link.a == own.name else link.a, link) for link in network.links if own.name in (link.a, link.b))
     linked = [(places[other], link.terms) for other, link in ends if other in places]
-    alike = [(i, terms) for i, terms in linked if _same_size(nodes[i], own)]
+    same = [n.region == own.region and math.isclose(n.capacity, own.capacity) for n in nodes]
+    alike = [(i, terms) for i, terms in linked if same[i]]
     return [i for i, terms in alike if [other for _, other in alike].count(terms) == 2]
-
-
-def _same_size(one: Node, other: Node) -> bool:
-    return one.region == other.region and math.isclose(one.capacity, other.capacity)
 
 
 def _profile(network: Network, degC: Floats, at: int, beside: Sequence[int]) -> SpotProfile:

@@ -70,9 +70,7 @@ def _beside(error: ChannelErrors, observed: Observed, channel: ChannelData) -> C
     use, start = observed.usable, channel.t_ns[0]
     by = np.interp(observed.t_ns[use] - start, channel.t_ns - start, channel.value - channel.recorded)
     return replace(
-        error,
-        mae_recorded_K=float(np.abs(observed.residual[use] - by).mean()),
-        reading_moved_K=float(by.mean()),
+        error, mae_recorded_K=float(np.abs(observed.residual[use] - by).mean()), reading_moved_K=float(by.mean())
     )
 
 

@@ -133,7 +133,7 @@ def _density_table(density: Density) -> FigureTable:
     head = ("dose [h]", "checks", "R of 10 % is below [% of the first]", "median [%]", "R of 90 % is below [%]")
     counts = np.array(density.checks).sum(axis=0)
     rows = zip(_middles(density.dose_h), counts, *_quantiles(density), strict=True)
-    shown = [(_cell(dose, 1), f"{n:,}", *(_cell(percent, 1) for percent in rest)) for dose, n, *rest in rows if n]
+    shown = [(_cell(dose), f"{n:,}", *(_cell(percent) for percent in rest)) for dose, n, *rest in rows if n]
     return FigureTable(head, tuple(shown))
 
 
@@ -170,10 +170,10 @@ def _courses_table(found: Assessment) -> FigureTable:
                 (
                     one.specimen,
                     one.batch or "",
-                    _cell(check.dose_h, 1),
+                    _cell(check.dose_h),
                     "–" if r is None else f"{r:.4g}",
-                    _cell(check.sd_percent, 1),
-                    _cell(None if r is None else 100 * r / first, 1),
+                    _cell(check.sd_percent),
+                    _cell(None if r is None else 100 * r / first),
                     check.from_ or "",
                     check.why or "",
                 )
@@ -255,16 +255,16 @@ def _forest_table(known: Sequence[Specimen], batches: Mapping[str | None, Batch]
         (
             one.specimen,
             one.batch or "",
-            _cell(one.fleet_slope_percent_per_100h, 1),
-            _cell(one.fleet_slope_sd, 1),
-            _cell(one.score, 1),
-            _cell(batches[one.batch].score if one.batch in batches else None, 1),
+            _cell(one.fleet_slope_percent_per_100h),
+            _cell(one.fleet_slope_sd),
+            _cell(one.score),
+            _cell(batches[one.batch].score if one.batch in batches else None),
         )
         for one in sorted(known, key=lambda one: _place(one, batches))
     ]
     return FigureTable(head, tuple(rows))
 
 
-def _cell(value: float | None, digits: int) -> str:
+def _cell(value: float | None) -> str:
     """A number in a table; a dash where there is none. What rounds to nothing has no sign."""
-    return "–" if value is None else words.fixed(value, digits)
+    return "–" if value is None else words.fixed(value)

@@ -18,18 +18,18 @@ def diagnosis_text(diagnosis: Diagnosis, planned: Sequence[str] = ()) -> str:
     """What `whyhot diagnose` prints, with paragraphs on what a plan promised. No colours, no trailing newline."""
     lines = labelled("Answer", sentences.headline(diagnosis))
     lines += labelled("What is wrong", verdict.what_is_wrong(diagnosis))
-    lines += _paragraphs("Left out", [f"{m.session_name}: {m.says}" for m in diagnosis.masked])
-    lines += _paragraphs("Beyond usual", list(beyond_usual.told(diagnosis)))
-    lines += _paragraphs("Contradiction", doubts.contradictions(diagnosis))
-    lines += _paragraphs("Not judged", list(filter(None, [doubts.not_judged(diagnosis)])))
-    lines += _paragraphs("Crude file", list(filter(None, [doubts.crude(diagnosis)])))
+    lines += labelled("Left out", *(f"{m.session_name}: {m.says}" for m in diagnosis.masked))
+    lines += labelled("Beyond usual", *beyond_usual.told(diagnosis))
+    lines += labelled("Contradiction", *doubts.contradictions(diagnosis))
+    lines += labelled("Not judged", *filter(None, [doubts.not_judged(diagnosis)]))
+    lines += labelled("Crude file", *filter(None, [doubts.crude(diagnosis)]))
     for label, paragraphs in _ending(diagnosis):
-        lines += _paragraphs(label, paragraphs)
-    lines += _paragraphs("Step by step", list(steps.told(diagnosis)))
-    lines += _paragraphs("Gain, kept", list(_gain(diagnosis)))
-    lines += _paragraphs("Two models", [*two_models.notes(diagnosis), *two_models.paragraphs(diagnosis)])
-    lines += _paragraphs("Planned", planned)
-    lines += _paragraphs("Files", list(filter(None, [sentences.no_files(diagnosis)])))
+        lines += labelled(label, *paragraphs)
+    lines += labelled("Step by step", *steps.told(diagnosis))
+    lines += labelled("Gain, kept", *_gain(diagnosis))
+    lines += labelled("Two models", *two_models.notes(diagnosis), *two_models.paragraphs(diagnosis))
+    lines += labelled("Planned", *planned)
+    lines += labelled("Files", *filter(None, [sentences.no_files(diagnosis)]))
     lines += labelled("Looked at", looked_at(diagnosis))
     if diagnosis.next_test is not None:
         lines += labelled("Next test", diagnosis.next_test)
@@ -77,10 +77,6 @@ def answer_markdown(diagnosis: Diagnosis) -> str:
     lines += ["**Recalibrated or with the cause**", *(f"- {line}" for line in apart), ""] if apart else []
     lines += [f"Most telling test: {diagnosis.next_test}", ""] if diagnosis.next_test is not None else []
     return "\n".join([*lines, f"Diagnosis {diagnosis_name(diagnosis)}: {looked_at(diagnosis)}.", ""])
-
-
-def _paragraphs(label: str, paragraphs: Sequence[str]) -> list[str]:
-    return [line for i, text in enumerate(paragraphs) for line in labelled(label if i == 0 else "", text)]
 
 
 def _ending(diagnosis: Diagnosis) -> Iterator[tuple[str, Sequence[str]]]:

@@ -54,11 +54,10 @@ def document(found: Bisected) -> dict[str, Any]:
 def bisect_text(found: Bisected) -> str:
     """The answer first, then every session, cause, change and version. No colours, no trailing newline."""
     lines = labelled("Answer", answer(found))
-    for i, one in enumerate(found.causes[:3]):
-        told = f"{one.cause} {called(one.since[:1])}, {percent(one.probability)}"
-        lines += labelled("" if i else "May be", told)
+    causes = (f"{one.cause} {called(one.since[:1])}, {percent(one.probability)}" for one in found.causes[:3])
+    lines += labelled("May be", *causes)
     if found.first:
-        lines += [line for i, says in enumerate(_changed(found)) for line in labelled("" if i else "Changed", says)]
+        lines += labelled("Changed", *_changed(found))
     head = ("session", "kind", "reads beyond model", "healthy fit", "acts")
     lines += ["", *table(head, list(_rows(found)), width(), right=(2, 3, 4))]
     if len(found.versions) > 1:

@@ -55,9 +55,7 @@ def forgotten_text(found: ForgottenLogs, reason: str, stale: StaleAnswers) -> st
 
 
 def _put_right(label: str, done: PutRight, reason: str) -> list[str]:
-    lines: list[str] = []
-    for i, one in enumerate(done.named):
-        lines += labelled(label if i == 0 else "", one.called + _changes(done, done.said.get(one.key, {})))
+    lines = labelled(label, *(one.called + _changes(done, done.said.get(one.key, {})) for one in done.named))
     lines += labelled("Reason", reason.strip())
     if gone := _what_is_gone(done):
         lines += labelled("Gone", gone)
@@ -104,15 +102,13 @@ def _called(one: Redone) -> str:
 
 
 def _stale_lines(stale: StaleAnswers) -> Iterator[str]:
-    for i, one in enumerate(stale.answers):
-        yield from labelled("Stale" if i == 0 else "", f"{one.name}: {one.why}")
+    yield from labelled("Stale", *(f"{one.name}: {one.why}" for one in stale.answers))
     for line in stale.in_use:
         yield from labelled("In use", f"{line}. Accept another, or take it back")
 
 
-def _there_again(stale: StaleAnswers) -> Iterator[str]:
-    for i, one in enumerate(stale.answered):
-        yield from labelled("There again" if i == 0 else "", f"{one.name}, of what is current now ({one.why})")
+def _there_again(stale: StaleAnswers) -> list[str]:
+    return labelled("There again", *(f"{one.name}, of what is current now ({one.why})" for one in stale.answered))
 
 
 def _next(stale: StaleAnswers) -> list[str]:

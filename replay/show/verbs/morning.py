@@ -41,8 +41,7 @@ def morning_text(found: Morning, given: Sequence[str]) -> str:
     lines = labelled("Answer", answer(found))
     lines += labelled("Balance", balance(found))
     lines += labelled("Meaning", meaning(found))
-    for i, says in enumerate(clock_lines(found)):
-        lines += labelled("" if i else "Clocks", says)
+    lines += labelled("Clocks", *clock_lines(found))
     for night in found.nights:
         lines += ["", *_night_lines(night)]
     return "\n".join([*lines, "", f"next: {_next(found, given)}"])

@@ -26,10 +26,7 @@ def repeat_text(found: Repeat) -> str:
     lines += labelled("Floor", floor(found))
     lines += ["", *channel_lines(found.beside, first, second)] if found.beside.channels else []
     lines += [line for says in not_compared(found) for line in ("", *labelled("Not compared", says))]
-    lines += [
-        "",
-        *(line for i, says in enumerate(change_says(found)) for line in labelled("" if i else "Changed", says)),
-    ]
+    lines += ["", *labelled("Changed", *change_says(found))]
     return "\n".join([*lines, "", f"next: whyhot show {shlex.quote(second)}"])
 
 

@@ -43,10 +43,11 @@ def replay_text(
     return "\n".join([*lines, "", *labelled("Next", next_command)])
 
 
-def labelled(label: str, text: str) -> list[str]:
-    """A paragraph beside its label, wrapped; a number and its unit, and "6.1 -> 0.9 K", stay on one line."""
-    wrapped = _wrapped(text, width() - INDENT, break_long_words=False, break_on_hyphens=False) or [""]
-    return [f"{label if i == 0 else '':<{INDENT}}{line}".rstrip() for i, line in enumerate(wrapped)]
+def labelled(label: str, *texts: str) -> list[str]:
+    """Paragraphs beside their label, wrapped; a number and its unit, and "6.1 -> 0.9 K", stay on one line."""
+    how = {"break_long_words": False, "break_on_hyphens": False}
+    lines = [line for text in texts for line in _wrapped(text, width() - INDENT, **how) or [""]]
+    return [f"{label if i == 0 else '':<{INDENT}}{line}".rstrip() for i, line in enumerate(lines)]
 
 
 def _wrapped(text: str, columns: int, **how: Any) -> list[str]:

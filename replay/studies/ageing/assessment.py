@@ -68,8 +68,7 @@ class OvenCycle:
 
 @dataclass(frozen=True)
 class HotHours:
-    """Hours of a session by the temperature of the specimen's hottest place, `channel` (or the counters of a
-    vehicle)."""
+    """Hours of a session by the temperature of its specimen's hottest place, `channel` (or a vehicle's counters)."""
 
     session: str
     session_name: str

@@ -1,5 +1,4 @@
-"""DC checks as the sessions hold them: logs as arrays on common stamps, and tables of checks that were evaluated
-elsewhere."""
+"""DC checks as sessions hold them: logs as arrays on common stamps, and tables of checks evaluated elsewhere."""
 
 from __future__ import annotations
 
@@ -106,8 +105,7 @@ def _bins(store: Store, facts: Facts, bench: str) -> Mapping[str, tuple[float, f
 
 
 def _heat(bins: Mapping[tuple[float, float], float]) -> HoursByTemperature | None:
-    """Hours spread evenly over each bin, in parts of 1 K at most: an hour at its upper end is worth more than one at
-    its lower."""
+    """Hours spread evenly over each bin, in parts of 1 K at most: hours at its upper end are worth more."""
     if not bins:
         return None
     degC, hours = [], []
@@ -119,8 +117,7 @@ def _heat(bins: Mapping[tuple[float, float], float]) -> HoursByTemperature | Non
 
 
 def trace_of(channels: Sequence[ChannelData]) -> CheckTrace:
-    """The log of a DC check on common stamps: means over steps of the slowest temperature channel's interval, at
-    least 1 s.
+    """The log of a DC check on common stamps: means over steps of the slowest temperature's interval, at least 1 s.
 
     Held, stuck and saturated samples are left out; NaN where a step has no sample. Power is its own channel, else
     voltage times current; of several of a quantity the one with the largest mean.

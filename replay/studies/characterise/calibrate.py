@@ -26,7 +26,7 @@ from replay.engine.runs.sources import code_of
 from replay.engine.specimen.aged import of_specimen
 from replay.errors import ReplayDataError
 from replay.studies.sessions.fitting import fitting
-from replay.studies.sessions.recorded import STEP_S, test_of
+from replay.studies.sessions.recorded import STEP_S, read_from, test_of
 from twin.calibration.calibrate import Calibration, calibrate
 from twin.calibration.profile import profile
 from twin.calibration.united import United
@@ -153,14 +153,9 @@ def _key(
     facts: Facts, sessions: Sequence[SessionRecorded], parent: str, level: str, only: Sequence[str] | None
 ) -> dict[str, Any]:
     """Everything that the estimates may depend on, but for the environment."""
-    decodes = [facts.decodes[file["decode"]] for session in sessions for file in session.files]
     return {
         "sessions": sorted(session.session for session in sessions),
-        "raw": sorted({d.raw for d in decodes}),
-        "databases": sorted({sha for d in decodes for sha in d.databases}),
-        "benches": sorted({facts.current(session.bench) for session in sessions if session.bench}),
-        "decoder": sorted({d.decoder for d in decodes}),
-        "decodes": sorted({d.decode for d in decodes}),  # which log is read with which of these files
+        **read_from(facts, sessions),
         "parent": parent,
         "level": level,
         "settings": {"step_s": STEP_S} | ({} if only is None else {"only": sorted(only)}),

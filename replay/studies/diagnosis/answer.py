@@ -44,15 +44,15 @@ class Unusual:
     about: str
     when: str
     kind: str
-    place: str | None
+    place: str | None = None
     says: str
-    session: str | None
+    session: str | None = None
     times_usual: float
-    log_evidence: float | None
-    estimate: float | None
-    ci95: list[float]
-    unit: str
-    bound: str | None
+    log_evidence: float | None = None
+    estimate: float | None = None
+    ci95: list[float] = field(default_factory=list)
+    unit: str = "1"
+    bound: str | None = None
     sharper: str
 
 
@@ -408,8 +408,7 @@ class Diagnosis:
 
 
 def calibration_is_worse(gain: Sequence[KeptGain]) -> bool:
-    """Whether the recalibrated model is further off on the kept sessions than the file as published, in the mean over
-    the nodes."""
+    """Whether the recalibrated model is further off on kept sessions than the file as published, over all nodes."""
     return sum(one.mae_before_K for one in gain) > sum(one.published_mae_K for one in gain)
 
 

@@ -36,15 +36,9 @@ def _wide(found: Findings, one: Wide, when: str, plain: Plain) -> Unusual:
         about="family",
         when=when,
         kind=plain.kind_and_place(parameter)[0],
-        place=None,
         says=plain.group(parameter),
-        session=None,
         times_usual=one.times,
         log_evidence=one.log_evidence,
-        estimate=None,
-        ci95=[],
-        unit="1",
-        bound=None,
         sharper=plain.sharper(parameter, *others),  # losses of several regions have several tests
     )
 
@@ -62,7 +56,6 @@ def _moved(found: Findings, one: Moved, when: str, plain: Plain, train: Sequence
         says=plain.says(parameter),
         session=None if parameter.test is None else train[parameter.test],
         times_usual=one.usual,
-        log_evidence=None,
         estimate=estimate,
         ci95=band,
         unit=unit,
@@ -80,10 +73,8 @@ def _elsewhere(one: Elsewhere, when: str, train: Sequence[str]) -> Unusual:
         says=f"the temperature of {place_words(one.node)}, where no sensor sits",
         session=train[one.test],
         times_usual=one.usual,
-        log_evidence=None,
         estimate=one.hotter_K,
         ci95=[one.hotter_K + times * one.sd for times in (-1.96, 1.96)],
         unit="K",
-        bound=None,
         sharper="a sensor there",
     )

@@ -4,7 +4,7 @@ files of the motor up to there."""
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,7 +44,8 @@ def chain(
     """The steps, the file as published first. `kept`: the kept tests as recorded."""
     if found.swaps:  # as published and with channels exchanged back, the sessions are not the same
         return []
-    build = _Build(question, campaign, kept, _nodes(campaign.tests))
+    nodes = {channel.name: node_of(channel) for test in campaign.tests for channel in test.channels}
+    build = _Build(question, campaign, kept, nodes)
     entries = _entries(found.naming, causes)
     before = left_out(_as_published(found.base))
     steps = [build.step(PUBLISHED, before, None, Version(question.model, None), files.runs.get("published"))]
@@ -101,11 +102,6 @@ def _entries(naming: Naming, causes: Sequence[Named]) -> list[_Entry]:
         written = formula(Term(1.0, shape=table), naming.heat.node, naming.final.model.network)
         found.append(_Entry(naming.map_id, [], written, naming.heat.log_bayes_factor))
     return found
-
-
-def _nodes(tests: Iterable[Test]) -> dict[str, str]:
-    """Channel -> its node."""
-    return {channel.name: node_of(channel) for test in tests for channel in test.channels}
 
 
 @dataclass(frozen=True)

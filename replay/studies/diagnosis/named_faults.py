@@ -9,6 +9,7 @@ import numpy as np
 
 from ingest.facts.events import SessionRecorded
 from replay.studies.diagnosis.answer import Masked, Named
+from replay.studies.diagnosis.answer_parts import NOBODY_KEPT
 from replay.studies.diagnosis.data_faults import DataFault
 from replay.studies.diagnosis.kept_sessions import Measured
 from replay.studies.diagnosis.question import Campaign, Question
@@ -30,7 +31,7 @@ def named_fault(fault: DataFault, kept: Measured | None) -> Named:
 
 def _named(cause: Cause, estimate: float, log_bf: float, improved: bool, kept: Measured | None) -> Named:
     """A fault of the data as a cause: it has no term, and nothing else looks like it."""
-    why = "the kept sessions do not show it" if kept else "no session was kept: say --hold-out"
+    why = "the kept sessions do not show it" if kept else NOBODY_KEPT
     return Named(
         id=str(cause),
         says=says(cause),

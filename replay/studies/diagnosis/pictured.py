@@ -42,7 +42,8 @@ def laws(campaign: Campaign, found: Found, causes: Sequence[Named]) -> list[LawC
     named = {cause.id: cause for cause in causes}
     courses = []
     for refit in found.naming.accepted:
-        if refit.candidate.cause.kind not in ("loss", "conductance") or not _is_over_speed(refit):
+        over_speed = isinstance(refit.parameter.action, Added | Scale)
+        if refit.candidate.cause.kind not in ("loss", "conductance") or not over_speed:
             continue
         cause, places = named[str(refit.candidate.cause)], refit.candidate.places
         models = _models(found, refit)
@@ -67,13 +68,8 @@ def laws(campaign: Campaign, found: Found, causes: Sequence[Named]) -> list[LawC
     return courses
 
 
-def _is_over_speed(refit: Refit) -> bool:
-    return isinstance(refit.parameter.action, Added | Scale)
-
-
 def _models(found: Found, leader: Refit) -> dict[str, Fit]:
-    """Recalibrated alone, with all that was named, and with each rival of the `leader` instead of it,
-    by name."""
+    """Recalibrated alone, with all that was named, and with each rival of the `leader` instead of it, by name."""
     named = {str(refit.candidate.cause) for refit in found.naming.accepted}
     models = {RECALIBRATED: found.base} | ({str(leader.candidate.cause): found.naming.final} if named else {})
     rivals = [one for one in _beside(found, leader) if one.ended and one.nameable and one.candidate.sayable]

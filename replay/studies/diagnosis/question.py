@@ -13,7 +13,7 @@ from ingest.facts.store import Store
 from replay.engine.files.configurations import refuse_other_rigs, whole_motor
 from replay.engine.frame.observations import sensor_of
 from replay.errors import ReplayDataError
-from replay.studies.sessions.recorded import STEP_S, test_of
+from replay.studies.sessions.recorded import STEP_S, read_from, test_of
 from twin.differences.candidates import Candidate, InputChannel, added_monomials, generate
 from twin.differences.everyday import everyday
 from twin.fitting.model import Model, Test
@@ -72,16 +72,10 @@ def check(train: Sequence[SessionRecorded], kept: Sequence[SessionRecorded]) -> 
 
 def key_of(question: Question, code: str) -> dict[str, Any]:
     """Everything that the answer may depend on, but for the environment. `code`: hash of the sources that answer."""
-    facts, every = question.facts, [*question.train, *question.kept]
-    decodes = [facts.decodes[file["decode"]] for session in every for file in session.files]
     return {
         "train": [session.session for session in question.train],
         "kept": [session.session for session in question.kept],
-        "raw": sorted({d.raw for d in decodes}),
-        "databases": sorted({sha for d in decodes for sha in d.databases}),
-        "benches": sorted({facts.current(session.bench) for session in every if session.bench}),
-        "decoder": sorted({d.decoder for d in decodes}),
-        "decodes": sorted({d.decode for d in decodes}),  # which log is read with which of these files
+        **read_from(question.facts, [*question.train, *question.kept]),
         "model": question.model,
         "level": question.level,
         "settings": {"step_s": STEP_S},

@@ -44,7 +44,7 @@ def find(campaign: Campaign, model: Model, swaps: list[Swap], kept: list[Test], 
         model = Model(campaign.network, straight, everyday(campaign.network, straight))
     naming = search(model, campaign.candidates, tell)
     refused: list[tuple[Refit, str]] = []
-    base = _baseline(naming)
+    base = _under_the_noise_of(naming.final, naming.rounds[0].base) if naming.learnt else naming.final
     result = None
     while kept:
         tell("predicting the kept sessions")
@@ -82,11 +82,6 @@ def _less(naming: Naming, refused: Refit) -> Naming:
         return replace(naming, accepted=(), heat=None, final=naming.rounds[0].base)
     final = without_term(naming.final, place_of(naming.final, refused), naming.rounds[0].base.beta)
     return replace(naming, accepted=left, final=final)
-
-
-def _baseline(naming: Naming) -> Fit:
-    """The fit without any named term or heat without a name, under the noise of the final one."""
-    return _under_the_noise_of(naming.final, naming.rounds[0].base) if naming.learnt else naming.final
 
 
 def _under_the_noise_of(final: Fit, found: Fit) -> Fit:

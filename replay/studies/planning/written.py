@@ -9,7 +9,6 @@ import numpy as np
 
 from replay.engine.frame.frame import column_name
 from replay.studies.planning.plan import Planned
-from twin.diagnosis.next_tests import Proposed
 from twin.fitting.model import Floats
 from twin.motor.features import is_flow, scale
 from twin.motor.network import LOADS
@@ -53,10 +52,5 @@ def set_values(found: Planned) -> dict[str, Floats]:
 def _steps(found: Planned) -> Floats:
     """Which step of the day each block belongs to (B,), 0 in a rest."""
     length = len(rest(found.day.rest_min).speed)
-    return np.concatenate(
-        [np.repeat([number, 0.0], [_length(step.proposed), length]) for number, step in enumerate(found.day.steps, 1)]
-    )
-
-
-def _length(proposed: Proposed) -> int:
-    return len(proposed.speed)
+    steps = ((number, len(step.proposed.speed)) for number, step in enumerate(found.day.steps, 1))
+    return np.concatenate([np.repeat([number, 0.0], [own, length]) for number, own in steps])

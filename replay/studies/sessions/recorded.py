@@ -1,5 +1,4 @@
-"""Stored sessions as the diagnosis takes them: steps of 1 s, features of every candidate averaged at the native
-rate."""
+"""Stored sessions as a diagnosis takes them: steps of 1 s, features of every candidate averaged at native rate."""
 
 from __future__ import annotations
 
@@ -32,6 +31,18 @@ from twin.run.simulate import Frame
 Floats = NDArray[np.float64]
 
 STEP_S = 1.0
+
+
+def read_from(facts: Facts, sessions: Sequence[SessionRecorded]) -> dict[str, list[str]]:
+    """What sessions are read from, as the keys of what is learnt from them name it."""
+    decodes = [facts.decodes[file["decode"]] for session in sessions for file in session.files]
+    return {
+        "raw": sorted({d.raw for d in decodes}),
+        "databases": sorted({sha for d in decodes for sha in d.databases}),
+        "benches": sorted({facts.current(session.bench) for session in sessions if session.bench}),
+        "decoder": sorted({d.decoder for d in decodes}),
+        "decodes": sorted({d.decode for d in decodes}),  # which log is read with which of these files
+    }
 
 
 def test_of(
@@ -92,13 +103,7 @@ def _single(network: Network, channels: Sequence[ChannelData]) -> list[str]:
 
 
 def _test(
-    name: str,
-    kind: str,
-    frame: InputFrame,
-    network: Network,
-    every: Sequence[Monomial],
-    own: int,
-    level: str,
+    name: str, kind: str, frame: InputFrame, network: Network, every: Sequence[Monomial], own: int, level: str
 ) -> Test:
     length = round(BLOCK_S / STEP_S)
     steps = len(frame.features) // length * length

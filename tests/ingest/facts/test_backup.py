@@ -17,8 +17,9 @@ from ingest.facts.backup import Amount, backup, restore
 from ingest.facts.chain import Head
 from ingest.facts.events import SignalDatabaseRegistered
 from ingest.facts.store import Store
-from ingest.facts.store_check import check, damage
+from ingest.facts.store_check import check
 from made.killed import ENVIRONMENT
+from made.lines_of_damage import damage
 from made.places import on_disk
 
 

@@ -32,8 +32,8 @@ from ingest.facts.ledger_history import LedgerHistory
 from ingest.facts.ledger_index import LedgerIndex
 from ingest.facts.ledger_place import SqliteFile
 from ingest.facts.store import Store
-from ingest.facts.store_check import damage
 from made.events import decode, raw, session
+from made.lines_of_damage import damage
 
 MAPPINGS = ("files", "decodes", "joined", "old_names", "runs", "flags", "clocks", "opened", "inspections", "benches")
 SESSIONS = 12

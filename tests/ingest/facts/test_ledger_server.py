@@ -25,11 +25,11 @@ from ingest.facts.ledger_server import Server, ServerTable
 from ingest.facts.move import move
 from ingest.facts.sessions import Override
 from ingest.facts.store import MARK, Store, mark_of
-from ingest.facts.store_check import damage
 from ingest.intake import grouping
 from ingest.intake.intake import take_in
 from ingest.intake.setup import MotorFile, prepare
 from made.events import put, raw, session
+from made.lines_of_damage import damage
 from made.postgres import PostgresServer, why_none
 from made.tables import ONE_CHANNEL
 

@@ -17,10 +17,10 @@ from ingest.facts.chain import Head
 from ingest.facts.ledger_lock import WriterLock
 from ingest.facts.move import HERE, move
 from ingest.facts.store import MARK, Store, mark_of
-from ingest.facts.store_check import damage
 from made.events import put
 from made.forged import change
 from made.killed import ENVIRONMENT
+from made.lines_of_damage import damage
 from made.postgres import PostgresServer, why_none
 
 if why := why_none():

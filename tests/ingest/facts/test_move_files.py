@@ -19,13 +19,14 @@ from ingest.facts.events import DecodeCompleted
 from ingest.facts.move_files import HERE, OWNER, move_files
 from ingest.facts.sessions import Override
 from ingest.facts.store import MARK, Store, mark_of
-from ingest.facts.store_check import AGAIN, check, check_without_ledger, damage
+from ingest.facts.store_check import AGAIN, check, check_without_ledger
 from ingest.intake.intake import take_in
 from ingest.intake.making import redecode
 from ingest.intake.setup import MotorFile, prepare
 from made.bucket import KEYS, BucketServer
 from made.events import put
 from made.killed import ENVIRONMENT
+from made.lines_of_damage import damage
 from made.places import on_disk
 from made.tables import ONE_CHANNEL
 

@@ -19,6 +19,7 @@ from ingest.facts.events import (
     SignalDatabaseRegistered,
 )
 from ingest.facts.store import Store
+from made import lines_of_damage
 from made.events import decode, raw, session
 
 BLF, DBC, BENCH, MOTOR, FRAME, PRODUCT = (
@@ -85,7 +86,7 @@ def damage(path: Path, data: bytes) -> None:
 
 def verify(folder: Path, *, read: bool = True) -> list[str]:
     with Store.open(folder) as store:
-        return store_check.damage(store, read)
+        return lines_of_damage.damage(store, read)
 
 
 def hints(folder: Path) -> list[str]:
@@ -107,7 +108,7 @@ def test_a_store_is_made_with_its_layout_and_opened_again(tmp_path: Path) -> Non
 
 def test_a_store_may_be_made_in_an_empty_folder(tmp_path: Path) -> None:
     with Store.open(tmp_path, create=True) as store:
-        assert store_check.damage(store) == []
+        assert lines_of_damage.damage(store) == []
 
 
 @pytest.mark.parametrize("write", [False, True])
@@ -134,7 +135,7 @@ def test_what_a_creation_that_was_stopped_left_is_taken_up(tmp_path: Path, left:
     (tmp_path / "ledger.sqlite").touch()
     (tmp_path / left).touch()
     with Store.open(tmp_path, create=True) as store:
-        assert store_check.damage(store) == []
+        assert lines_of_damage.damage(store) == []
 
 
 def test_a_file_in_place_of_a_folder_is_refused(tmp_path: Path) -> None:
@@ -153,7 +154,7 @@ def test_a_creation_that_was_stopped_is_taken_up_by_the_next(tmp_path: Path) -> 
     with pytest.raises(StoreError, match="there is no store here"):
         Store.open(tmp_path)
     with Store.open(tmp_path, create=True) as store:
-        assert store_check.damage(store) == []
+        assert lines_of_damage.damage(store) == []
 
 
 @pytest.mark.parametrize(
@@ -358,7 +359,7 @@ def test_verify_proves_nothing_before_a_given_head_changed(folder: Path) -> None
     with Store.open(folder, write=True) as store:
         store.ledger.append("session-1", session("1", "1_s1"))
     with Store.open(folder) as store:
-        assert store_check.damage(store, since=head) == []
+        assert lines_of_damage.damage(store, since=head) == []
 
 
 @pytest.mark.parametrize("affected", [False, True])

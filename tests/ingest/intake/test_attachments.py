@@ -13,9 +13,9 @@ from ingest.errors import IngestError, UnknownSessionError
 from ingest.facts import facts as ledger_facts
 from ingest.facts.events import InspectionRecorded, SessionRegrouped
 from ingest.facts.store import Store
-from ingest.facts.store_check import damage
 from ingest.intake.attachments import Finding, attach, unknown_specimen
 from made.events import session
+from made.lines_of_damage import damage
 from made.places import on_disk
 
 CRACK = Finding("stator-07", "resin cracked at slot 3", happened="2025-12-24T09:00:00+01:00")

@@ -23,13 +23,13 @@ from ingest.facts.facts import Facts, LookedUp
 from ingest.facts.ledger import Ledger
 from ingest.facts.sessions import Override, group, overrides_of, regroup
 from ingest.facts.store import Store
-from ingest.facts.store_check import damage
 from ingest.intake import grouping
 from ingest.intake.intake import Intake, take_in
 from ingest.intake.setup import MotorFile, prepare
 from ingest.log import samples
 from made.channels import channel
 from made.events import decode, raw
+from made.lines_of_damage import damage
 
 BENCH = """\
 schema = "whyhot.bench/1"

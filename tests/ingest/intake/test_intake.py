@@ -14,11 +14,11 @@ from ingest.facts import facts
 from ingest.facts.facts import Facts
 from ingest.facts.sessions import Override
 from ingest.facts.store import Store
-from ingest.facts.store_check import damage
 from ingest.intake.intake import Intake, take_in
 from ingest.intake.making import redecode
 from ingest.intake.setup import MotorFile, prepare
 from made import can_bench
+from made.lines_of_damage import damage
 
 LOGGER = """\
 schema = "whyhot.bench/1"

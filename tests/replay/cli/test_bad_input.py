@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from ingest.facts.store import Store
-from ingest.facts.store_check import damage
 from made import can_bench
+from made.lines_of_damage import damage
 from replay.cli import main
 
 Capture = pytest.CaptureFixture[str]

@@ -19,7 +19,7 @@ from analytics.insulation.dose.arrhenius import Activation
 from ingest.facts import facts
 from ingest.facts.events import SessionRecorded
 from ingest.facts.store import Store
-from ingest.facts.store_check import damage
+from made.lines_of_damage import damage
 from made.onward import followed
 from made.places import EXAMPLES
 from plant import fleet, insulation_campaign
