@@ -239,8 +239,9 @@ def uncalibrated(current: Fit, healthy: int) -> Floats:
 def with_refits(found: Round, tell: Tell, other_start: Floats | None = None, judging: bool = False) -> Round:
     """The round with its leading candidates refitted, without those that would take away more than there is, and the
     one that leads at the vector `other_start`, from there: calibration goes so far to stand in for a large cause that
-    its score says little where that ends. All begin, those that may still come near the best go on. Where sessions left
-    out are `judging`, evidence says only which candidates they are asked about: none is far behind or out of reach."""
+    its score says little where that ends; it goes again where it is given up on the way. All begin, those that may
+    still come near the best go on. Where sessions left out are `judging`, evidence says only which candidates they are
+    asked about: none is far behind or out of reach."""
     leading = _leading(found, judging) + ([] if other_start is None else _leading_at(found, other_start))
 
     def begun(number: int, one: _Leading) -> Refit | None:
@@ -250,6 +251,7 @@ def with_refits(found: Round, tell: Tell, other_start: Floats | None = None, jud
 
     with ThreadPoolExecutor(2) as pool:
         first = list(pool.map(begun, range(1, len(leading) + 1), leading))
+        starts = [start for (*_, start), refit in zip(leading, first, strict=True) if refit]
         refits = [r for r in first if r is not None]
         while True:
             best = max((r.promised for r in refits if r.nameable), default=0.0)
@@ -259,7 +261,9 @@ def with_refits(found: Round, tell: Tell, other_start: Floats | None = None, jud
             tell(f"going on with {sum(further)} refits")
             refits = list(pool.map(lambda r, on: _went_on(found.base, r) if on else r, refits, further))
     lost = [str(candidate.cause) for (candidate, *_), refit in zip(leading, first, strict=True) if refit is None]
-    found = replace(found, refits=_each_once(refits), dropped=(*found.dropped, *lost))
+    # far from the fit ln BF says nothing of a candidate before the search is over
+    said = [r for r, start in zip(refits, starts, strict=True) if r.ended or start is None]
+    found = replace(found, refits=_each_once(said), dropped=(*found.dropped, *lost))
     if judging:
         return replace(found, left_out=left_out(found.base))
     for refit in found.refits:

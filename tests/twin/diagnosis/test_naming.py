@@ -205,6 +205,21 @@ def test_what_leads_before_any_calibration_is_refitted_from_there_too(monkeypatc
     assert from_there.log_bayes_factor == pytest.approx(usual.log_bayes_factor, abs=0.5)
 
 
+def test_a_refit_from_there_that_is_given_up_on_the_way_says_nothing_of_its_candidate(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """One was 21,742 behind in ln BF by what it had reached, and its candidate as good as no other."""
+    model = _model(_with_loss(), 0)
+    current = fit(model, np.zeros(len(model.parameters)))
+    found = scored(current, CANDIDATES)
+    monkeypatch.setattr(rounds, "FIRST_LINEARISATIONS", 1)
+    monkeypatch.setattr(rounds, "NEAR_ENOUGH", -np.inf)
+    monkeypatch.setattr(rounds, "OUT_OF_REACH", -np.inf)
+    monkeypatch.setattr(rounds, "REFITTED", 0)
+    there = rounds.uncalibrated(current, len(model.parameters))
+    assert with_refits(found, lambda _: None, there).refits == ()
+
+
 def test_what_would_take_away_more_than_there_is_takes_no_others_place(monkeypatch: pytest.MonkeyPatch) -> None:
     model = _model(_with_loss(), 0)
     found = scored(fit(model, np.zeros(len(model.parameters))), CANDIDATES)
