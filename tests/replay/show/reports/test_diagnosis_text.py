@@ -556,6 +556,9 @@ def test_what_no_healthy_motor_does_is_in_the_first_sentence_where_no_cause_is_n
     )
     assert ", but " not in headline(replace(ABSORBED, findings=[PATH, OFFSET]))
     assert ", but " not in headline(replace(NAMED, findings=[IRON]))
+    something = headline(UNKNOWN).rstrip(".")
+    beside = headline(replace(UNKNOWN, findings=[far]))
+    assert beside.startswith(f"{something}, but the heat path between endwinding and coolant had to shrink by 9.0 sd")
 
 
 def test_with_a_cause_what_is_left_is_told_and_what_the_cause_took_away() -> None:
