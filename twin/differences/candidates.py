@@ -113,8 +113,9 @@ def generate(
     `sessions`: the names of those to learn from.
 
     Laws use only features that the inputs give; an input `flow` stands for every flow that the network's laws tell
-    apart. No two say the same: at a node or link with one term `scale` stands for that term's own law, and of two buses
-    only the one with fewer inputs has a clock, as only their difference shows.
+    apart. No two say the same: at a node or link with one term `scale` stands for that term's own law, of two buses
+    only the one with fewer inputs has a clock, as only their difference shows, and of buses of inputs alone only the
+    one with the most.
     """
     inputs = _as_named(network, inputs)
     features = frozenset(i.name for i in inputs if is_known(i.name) and quantity(i.name) in network.scale)
@@ -360,8 +361,12 @@ def _sd(law: type[Misreading | Lag], network: Network) -> float:
 def _clocks(channels: Sequence[Sensor], inputs: Sequence[InputChannel]) -> Iterator[Candidate]:
     if not inputs:
         return
-    buses = list(dict.fromkeys([*(i.bus for i in inputs), *(c.bus for c in channels)]))
-    driving = [sum(i.bus == bus for i in inputs) for bus in buses]
+    watching, inputs_of = {c.bus for c in channels}, Counter(i.bus for i in inputs)
+    # of loggers of inputs alone, each as if all sensors were early, the one that drives most stands for all
+    alone = max((bus for bus in inputs_of if bus not in watching), key=inputs_of.__getitem__, default=None)
+    every = dict.fromkeys([*inputs_of, *(c.bus for c in channels)])
+    buses = [bus for bus in every if bus in watching or bus == alone]
+    driving = [inputs_of[bus] for bus in buses]
     # only their difference shows: the one with fewer inputs stands for it, and one alone shows nothing
     if len(buses) < 3:
         buses = buses[1:] if driving[0] >= driving[-1] else buses[:1]

@@ -38,8 +38,10 @@ def _found(diagnosis: Diagnosis) -> str:
         case Ending.NAMED:
             return _named(diagnosis)
         case Ending.UNKNOWN:
-            beside = words.counted(len(diagnosis.causes), "fault") + " of the record" if diagnosis.causes else ""
-            return ", beside ".join(filter(None, [verdict.something(diagnosis.unknown[0]), beside]))
+            something = verdict.something(diagnosis.unknown[0])
+            if diagnosis.causes:
+                return f"{something}, beside {words.counted(len(diagnosis.causes), 'fault')} of the record"
+            return f"{something}{_but(diagnosis)}"
         case Ending.AGREES:
             return f"{_agrees(diagnosis)}{_but(diagnosis)}"
         case Ending.CANNOT_TELL:

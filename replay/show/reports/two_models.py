@@ -47,7 +47,10 @@ def _no_gain(diagnosis: Diagnosis) -> str:
         return "The kept sessions are not predicted better with it"
     if max(map(_mean, zip(*rises, strict=True))) >= ROSE_K and max(map(max, rises)) >= kept_errors.WORSE_K:
         worst = max(diagnosis.gain, key=lambda gain: max(_rises_K(gain)))
-        errors = kept_errors.errors(worst, ["before", "after"])
+        stages = ["before", "after"]
+        errors = kept_errors.errors(worst, stages)
+        if _rises_K(worst)[0] <= 0:  # only the fitted error rises: the other would say the opposite
+            errors = f"fitted {kept_errors.chain(kept_errors.fitted(worst), stages)}"
         return f"With it the kept sessions get worse than recalibrated, most the {words.name(worst.node)}: {errors}"
     published, before = (_mean_K(diagnosis, stage) for stage in ("published", "before"))
     reasons = [cause.why_not_improved for cause in diagnosis.fitted_with]

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Any
 
+from ingest.catalogue.description import Repeats
 from ingest.catalogue.operating_points import OperatingPoints
 from ingest.catalogue.quality import seconds
 from ingest.facts.events import COUNTS
@@ -98,6 +99,7 @@ def look_at(night: Night) -> Iterator[str]:
     if night.before:
         yield from ["difference"] * len(night.before.comparison.exceeding)
     yield from ["log fault"] * len(of_logs(night))
+    yield from ["gap"] * sum(gap.times for gap in {gap for _, gap in _gaps(night)})
 
 
 def of_logs(night: Night) -> list[str]:
@@ -168,13 +170,16 @@ def ended_says(night: Night) -> str:
 
 def gaps(night: Night) -> list[str]:
     """How many channels have gaps, and the longest; none where there is no gap."""
-    found = [
-        (gap.longest_s, one.name) for one in night.description.channels for gap in one.repeats if gap.kind == "gap"
-    ]
+    found = _gaps(night)
     if not found:
         return []
-    longest, name = max(found)
+    longest, name = max((gap.longest_s, name) for name, gap in found)
     return [f"{words.counted(len(found), 'channel')}, the longest {seconds(longest)} ({name})"]
+
+
+def _gaps(night: Night) -> list[tuple[str, Repeats]]:
+    """Channels with gaps, and these: of a logger that paused they are equal."""
+    return [(one.name, gap) for one in night.description.channels for gap in one.repeats if gap.kind == "gap"]
 
 
 def driven(points: OperatingPoints) -> str:

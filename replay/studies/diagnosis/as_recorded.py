@@ -51,11 +51,10 @@ def as_recorded(
     residual: defaultdict[str, list[Floats]] = defaultdict(list)
     moved: defaultdict[str, list[Floats]] = defaultdict(list)
     for test, own in zip(corrected, tests, strict=True):
-        recorded = {c.name: c for c in own.channels}
+        recorded = {c.name: _at_steps_of(test, own, c) for c in own.channels}
         both = [c for c in test.channels if c.name in recorded]
         for c in both:
-            there = recorded[c.name].samples > 0
-            moved[c.name].append((c.measured - recorded[c.name].measured)[there])
+            moved[c.name].append(_moved(c, recorded[c.name]))
         ruler = [_reading(c, recorded[c.name]) for c in both]
         for series in Model(network, [replace(test, channels=tuple(ruler))], ()).residuals(np.zeros(0)):
             residual[series.channel].append(series.y)
@@ -69,6 +68,26 @@ def under(question: Question, version: Version) -> Facts:
     made = {new: replace(question.benches[old], sha256=new) for old, new in version.benches.items()}
     successors = {**facts.successors, **version.benches}
     return replace(facts, benches={**facts.benches, **made}, successors=successors)
+
+
+def _at_steps_of(test: Test, own: Test, channel: RecordedChannel) -> RecordedChannel:
+    """A channel of `own` over the steps of `test`, without samples where it has none: a corrected clock of a logger
+    that records an input too lets the session begin and end otherwise."""
+    step_s, steps = test.frame.step_s, len(channel.samples)
+    at = np.arange(len(test.frame.features)) + round((test.start_ns - own.start_ns) / 1e9 / step_s)
+    of = np.clip(at, 0, steps - 1)
+    samples = np.where(at == of, channel.samples[of], 0.0)
+    return replace(channel, measured=channel.measured[of], samples=samples, place=channel.place[of])
+
+
+def _moved(corrected: RecordedChannel, recorded: RecordedChannel) -> Floats:
+    """The corrected reading less the recorded one at each of its samples [K]; between samples of the recorded one, on
+    a straight line."""
+    at, known = np.flatnonzero(corrected.samples), np.flatnonzero(recorded.samples)
+    if not known.size:
+        return np.empty(0)
+    moved: Floats = corrected.measured[at] - np.interp(at, known, recorded.measured[known])
+    return moved
 
 
 def _reading(corrected: RecordedChannel, recorded: RecordedChannel) -> RecordedChannel:

@@ -138,7 +138,9 @@ class _Said:
         crossed = _crossed(here, swaps)
         sensors = {name: self._place(c, list(crossed.values())) for name, c in crossed.items()}
         for action, amount in amounts.items():
-            found |= dict.fromkeys(self._causes(action, sensors), amount)
+            late = amount * action.sign if isinstance(action, actions.Late) else amount
+            for cause in self._causes(action, sensors):
+                found[cause] = found.get(cause, 0.0) + late  # a clock may be late by itself and beside the inputs
         return found
 
     def _place(self, sensor: Sensor, among: Sequence[Sensor]) -> str:

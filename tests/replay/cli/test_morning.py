@@ -83,6 +83,19 @@ def test_a_sensor_without_a_value_is_told_once_and_is_no_fault_of_the_log(
     assert told.count("T_winding has no value at all") == 1 and "log fault" not in told
 
 
+def test_a_sensor_that_goes_open_is_something_to_look_at(lab: Path, tmp_path: Path, capsys: Capture) -> None:
+    head, *rows = (lab / "whole.csv").read_text(encoding="utf-8").splitlines()
+    column = head.split(",").index("T_winding")
+    cells = [row.split(",") for row in rows]
+    for row in cells[len(cells) // 2 :]:
+        row[column] = "OPEN"
+    (tmp_path / "open.csv").write_text("\n".join([head, *map(",".join, cells), ""]), encoding="utf-8")
+    words = ["morning", str(tmp_path / "open.csv"), "--bench", str(lab / "bench.toml"), "--store", str(tmp_path / "s")]
+    assert main(words) == 0
+    told = capsys.readouterr().out
+    assert "To look at: 1 gap." in told and "1 channel, the longest 25 min (T_winding)" in told
+
+
 def test_it_works_without_a_store_and_without_a_bench_file(lab: Path, tmp_path: Path, capsys: Capture) -> None:
     target = tmp_path / "answer.json"
     words = ["morning", str(lab / "night" / "tuesday.csv"), "--store", str(tmp_path / "none"), "--json", str(target)]

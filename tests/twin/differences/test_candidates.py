@@ -33,6 +33,7 @@ CHANNELS = (
     Sensor("MAG-2", {"magnet": 1.0}, "can1"),
     Sensor("NTC_1", {"endwinding_a_inner": 0.4, "endwinding_a_outer": 0.6}, "can0"),
 )
+FLUIDS = ("flow", "coolant", "ambient")
 INPUTS = tuple(InputChannel(name, "can0") for name in ("speed", "torque", "current", "flow", "coolant", "ambient"))
 
 
@@ -264,6 +265,19 @@ def test_on_one_bus_no_clock_can_be_wrong_and_on_two_only_their_difference_shows
     three = [*one, Sensor("X", {"shaft": 1.0}, "can1"), Sensor("Y", {"yoke": 1.0}, "can2")]
     places = {c.cause.place for c in generate(network, three, INPUTS) if c.cause.kind == "clock"}
     assert places == {"can0", "can1", "can2"}
+
+
+@pytest.mark.parametrize(
+    ("sensors", "places"),
+    [(("thermo",), {"thermo"}), (("thermo", "telemetry"), {"thermo", "telemetry", "can0"})],
+)
+def test_a_logger_of_some_inputs_alone_is_no_clock_of_all_of_them(sensors: Sequence[str], places: set[str]) -> None:
+    """That all sensors are early is said once, of the logger that drives most; not where one has them all."""
+    seen = [Sensor(c.name, c.weights, sensors[i % len(sensors)]) for i, c in enumerate(CHANNELS)]
+    given = [InputChannel(name, "cooling" if name in ("flow", "coolant") else "can0") for name in ("speed", *FLUIDS)]
+    given += [InputChannel("torque", "can0"), InputChannel("current", "can0")]
+    found = [c for c in generate(motor("reference_motor"), seen, given) if c.cause.kind == "clock"]
+    assert {c.cause.place for c in found} == places
 
 
 def test_a_logger_of_one_sensor_has_no_smoothing_of_its_own() -> None:

@@ -163,6 +163,9 @@ def test_a_cause_that_does_not_improve_kept_sessions_says_why_and_its_files_are_
     worse = "With it the kept sessions get worse than recalibrated, most the rotor surface: 0.5 -> 0.6 K (fitted 0.5"
     for told in (answer(NOT_IMPROVED), text):
         assert f"{worse} -> 0.6 K); the extended files are offered all the same." in told
+    falls = {"published": 8.0, "before": 0.6, "after": 0.5}
+    nearer = replace(NOT_IMPROVED, gain=[replace(one, mae_recorded_K=falls) for one in NOT_IMPROVED.gain])
+    assert "recalibrated, most the rotor surface: fitted 0.5 -> 0.6 K; the extended" in answer(nearer)
 
 
 def test_a_gain_that_recalibration_took_is_said_so() -> None:
@@ -556,6 +559,9 @@ def test_what_no_healthy_motor_does_is_in_the_first_sentence_where_no_cause_is_n
     )
     assert ", but " not in headline(replace(ABSORBED, findings=[PATH, OFFSET]))
     assert ", but " not in headline(replace(NAMED, findings=[IRON]))
+    something = headline(UNKNOWN).rstrip(".")
+    beside = headline(replace(UNKNOWN, findings=[far]))
+    assert beside.startswith(f"{something}, but the heat path between endwinding and coolant had to shrink by 9.0 sd")
 
 
 def test_with_a_cause_what_is_left_is_told_and_what_the_cause_took_away() -> None:

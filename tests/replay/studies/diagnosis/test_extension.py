@@ -14,7 +14,8 @@ from ingest.facts.store import Store
 from made import can_bench
 from replay.cli import main
 from replay.engine.files.models import model_of
-from replay.studies.diagnosis.extension import version
+from replay.engine.files.motor_file import read_motor
+from replay.studies.diagnosis.extension import _Said, version
 from replay.studies.diagnosis.question import Question, campaign_of
 from twin.diagnosis.evidence_split import EvidenceSplit
 from twin.diagnosis.rounds import Refit
@@ -24,6 +25,7 @@ from twin.fitting.actions import Parameter
 from twin.fitting.fit import Fit
 from twin.fitting.model import Model
 from twin.motor import sensor_laws
+from twin.motor.sensor import Sensor
 
 
 @pytest.fixture(scope="module")
@@ -90,3 +92,14 @@ def test_a_correction_finds_its_sensor_whatever_that_was_learnt_to_follow(questi
     assert channel.weights == {"magnet": 0.4, "winding": 0.6}, "more of the winding than of its own place"
     assert channel.time_constant_s == pytest.approx(9.0)
     assert [(one.law, one.amount) for one in steps] == [("gain", 0.02)]
+
+
+def test_inputs_that_are_stamped_early_are_written_as_sensors_that_are_late() -> None:
+    """A file moves the sensors' logger: by what it is late itself, and by what the inputs are early."""
+    bench = read_bench(can_bench.BENCH.encode(), "bench.toml").at(None)
+    sensor = Sensor("TC_yoke", {"yoke": 1.0}, "thermo")
+    motor = read_motor(can_bench.MOTOR.encode(), "motor.toml")
+    said = _Said(bench, [sensor], (), motor, {"TC_yoke": ["thermo"]})
+    own, inputs = actions.Late(("TC_yoke",), False), actions.Late(("TC_yoke",), False, -1.0)
+    assert said.corrections({inputs: -5.5}) == {"clock.thermo.offset": 5.5}
+    assert said.corrections({inputs: -5.5, own: 0.25}) == {"clock.thermo.offset": 5.75}
