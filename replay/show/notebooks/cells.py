@@ -123,7 +123,7 @@ def tabled(table: pa.Table, *left_out: str) -> mo.Html:
     shown = shown.rename_columns([head(name) for name in shown.column_names])
     numbers = [field.name for field in shown.schema if pa.types.is_floating(field.type)]
     if not _still():
-        formats: Any = dict.fromkeys(numbers, "{:,.4g}")
+        formats: Any = dict.fromkeys(numbers, _number)
         return mo.ui.table(
             shown, selection=None, show_column_summaries=False, show_data_types=False, format_mapping=formats
         )
@@ -133,9 +133,13 @@ def tabled(table: pa.Table, *left_out: str) -> mo.Html:
     return mo.Html(f"<table>{''.join(cells)}</table>{rest}")
 
 
+def _number(value: float) -> str:
+    return words.digits(value, 4)
+
+
 def _cell(value: Any) -> str:
     if isinstance(value, float):
-        return f"{value:,.4g}"
+        return _number(value)
     if isinstance(value, datetime):
         return value.isoformat(" ", "minutes")
     return "" if value is None else str(value)

@@ -64,6 +64,12 @@ def fixed(value: float, digits: int = 1) -> str:
     return "–" if math.isnan(value) else f"{round(value, digits) or 0.0:,.{digits}f}".replace("-", "−")
 
 
+def digits(value: float, count: int = 3) -> str:
+    """A number of so many significant digits, whole above: "96.1", "1,240", "0.0312", "−1.4"."""
+    text = f"{value:,.0f}" if abs(value) >= 10 ** (count - 1) else f"{value:.{count}g}"
+    return text.replace("-", "−")
+
+
 def rounded(value: float) -> float:
     """To two significant digits above 100, to whole numbers below: bounds of a range carry no more."""
     if abs(value) < 100:
