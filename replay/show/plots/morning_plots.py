@@ -17,7 +17,7 @@ from replay.show.plots.plots import ROWS, WIDTH, TimeAxis, draw, instants
 from replay.show.words import words
 from replay.show.words.figure import KEY_ABOVE, FigureTable, Plot, inline_svg, name_lines, named, panels, style, tick
 from replay.show.words.palette import COLOURS, DASHES, INK
-from replay.show.words.thin import thin
+from replay.show.words.thin import next_samples, thin
 
 MOST_LINES = len(COLOURS)  # of a panel of temperatures
 MOST_PANELS = 3
@@ -74,13 +74,13 @@ def _time_axis(channels: Sequence[ChannelData]) -> TimeAxis:
 
 
 def _table(time: TimeAxis, channels: Sequence[ChannelData]) -> FigureTable:
-    first = channels[0]
-    at = first.t_ns[instants(len(first.t_ns), ROWS)]
+    t_ns = max((one.t_ns for one in channels), key=np.ptp)
+    at = t_ns[instants(len(t_ns), ROWS)]
     head = (time.label, *(f"{one.spec.name} [{as_written(one.unit or '')}]" for one in channels))
     cells = [[f"{t:.2f}" for t in time.of(at)]]
     for one in channels:
-        nearest = np.clip(np.searchsorted(one.t_ns, at), 0, len(one.t_ns) - 1)
-        cells.append([words.fixed(value) for value in one.value[nearest]])
+        i, there = next_samples(one.t_ns, at)
+        cells.append([words.fixed(value) for value in np.where(there, one.value[i], np.nan)])
     return FigureTable(head, tuple(zip(*cells, strict=True)))
 
 

@@ -38,6 +38,7 @@ def template(name: str) -> Template:
         breaking=_breaking,
         meanerror=findings.mean_error,
         figures=words.figures,
+        digits=words.digits,
         signed_kelvin=words.signed_kelvin,
         where=words.where,
         nodename=words.name,
