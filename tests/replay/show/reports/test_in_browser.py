@@ -147,10 +147,11 @@ def test_a_brush_that_ends_beside_the_picture_goes_to_its_edge_and_another_butto
     zoom(plots[0], null);
     plots[0].svg.dispatchEvent(new PointerEvent("pointerdown", {clientX: 0, clientY: 0, button: 2, buttons: 2}));
     at(plots[0], "pointerup", 0.9);
-    return [seen, plots[0].zoomed()];
+    return [seen, plots[0].zoomed(), getComputedStyle(plots[0].svg).userSelect];
     """
-    seen, zoomed = in_browser(one, POINT + script)
+    seen, zoomed, selects = in_browser(one, POINT + script)
     assert (seen, zoomed) == (pytest.approx([20.0, 40.0], abs=0.01), False)
+    assert selects == "none", "selected text would be dragged along by the next brush"
 
 
 def test_the_csv_has_no_value_where_a_gap_of_a_line_begins(tmp_path: Path) -> None:
