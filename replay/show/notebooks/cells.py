@@ -63,12 +63,13 @@ SAID = {  # columns whose name says too little
     "fleet_slope_percent_per_100h": "slope, with the fleet's [% per 100 h]",
     "fleet_low": "that from [% per 100 h]",
     "fleet_high": "that to [% per 100 h]",
+    "course": "course of R",
     "score": "from the others [sd]",
     "outlying": "not as its batch",
     "batch_outlying": "its batch not as the others",
     "significant": "changes beyond repeatability",
-    "life_used_low": "life used, from [1]",
-    "life_used_high": "life used, to [1]",
+    "life_used_low": "life used, from [%]",
+    "life_used_high": "life used, to [%]",
     "remaining_low_h": "dose left, from [h]",
     "remaining_high_h": "dose left, to [h]",
     "modelled_at_s": "hottest after [s]",
@@ -138,6 +139,8 @@ def _number(value: float) -> str:
 
 
 def _cell(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
     if isinstance(value, float):
         return _number(value)
     if isinstance(value, datetime):

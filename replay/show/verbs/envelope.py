@@ -108,7 +108,7 @@ def _table(found: Envelope) -> Iterator[str]:
     yield from table(head, rows, width(), right=range(1, len(head)))
     told = [cell for row in rows for cell in row[1:]]
     if any(cell.startswith("at least") for cell in told):
-        yield "at least: with the largest load recorded at that speed no limit is reached"
+        yield from textwrap.wrap("at least: with the largest load recorded at that speed no limit is reached", width())
     if "no load" in told:
         yield "no load: none was recorded at that speed"
     nodes = {one.node for of_speed in found.borders for one in of_speed if one.node}
