@@ -174,5 +174,5 @@ def _says(seen: SessionSeen) -> str:
     rows = "\n".join(f"- {finding(error, run.summary)}" for error in worst_first(run.summary))
     model, digest = f"Model {run.motor} {words.short(run.model)}", f"digest {words.short(run.digest)}"
     source = f"{model}, open loop; {digest}. Residual: measured minus model."
-    source += f"\n\n{words.capital(run.summary.note)}." if run.summary.note else ""
+    source += "".join(f"\n\n{words.capital(note)}." for note in (run.summary.note, seen.corrected) if note)
     return f"# {run.session_name}\n{answer([run.summary])}\n\n{rows}\n\n{source}\n"
