@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from ingest.texts.units import without_unit
 from replay.engine.results.run import Observed, Run
 from replay.show.words import words
 from replay.show.words.figure import (
@@ -218,7 +219,7 @@ def draw_residuals(axes: Axes, run: Run, group: Sequence[Observed], columns: int
 
 def _names(run: Run, group: Sequence[Observed]) -> list[str]:
     nodes = [observed.node for observed in run.observed]
-    return [words.name(o.node) if nodes.count(o.node) == 1 else o.channel for o in group]
+    return [words.name(o.node) if nodes.count(o.node) == 1 else without_unit(o.channel) for o in group]
 
 
 def inputs_over_time(run: Run, columns: int) -> Plot | None:

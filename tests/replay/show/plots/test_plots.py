@@ -49,6 +49,16 @@ def test_a_table_has_a_dash_where_a_channel_has_no_sample() -> None:
     assert table.rows[-1][1:4] == ("–", "–", "–") and "–" not in table.rows[0] + table.rows[-1][4:]
 
 
+def test_a_channel_whose_name_ends_in_its_unit_has_that_once() -> None:
+    run = made_run()
+    both = [replace(run.observed[0], channel=f"TC_{i} [degC]") for i in range(2)]
+    channels = [replace(run.summary.channels[0], channel=one.channel) for one in both]
+    run = replace(run, observed=tuple(both), summary=replace(run.summary, channels=channels))
+    plot = over_time(run, both, 100)
+    assert plot.table.head[1] == "TC_0 measured [°C]"
+    assert 'data-line="TC_1 model [°C]"' in plot.svg
+
+
 def test_a_short_series_is_not_thinned() -> None:
     t, y = np.arange(10.0), np.arange(10.0)
     assert thin(t, y, 5)[0] is t
