@@ -134,8 +134,8 @@ def tabled(table: pa.Table, *left_out: str) -> mo.Html:
     return mo.Html(f"<table>{''.join(cells)}</table>{rest}")
 
 
-def _number(value: float) -> str:
-    return words.digits(value, 4)
+def _number(value: float | None) -> str:
+    return "" if value is None else words.digits(value, 4)
 
 
 def _cell(value: Any) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from decimal import Decimal
 from itertools import pairwise
 
 from ingest.texts.times import clock
@@ -33,6 +34,12 @@ def _figure(value: float | None, digits: int) -> str:
         return "–"
     fixed = f"{value:.{digits}f}"
     return fixed if float(fixed) else f"{value:.1g}"
+
+
+def less(before: str, after: str) -> str:
+    """By how much one of two `figures` is less, in their digits: "+1.2", "−0.02"; zero has no sign."""
+    change = Decimal(before) - Decimal(after)
+    return f"{change:+f}".replace("-", "−") if change else f"{abs(change):f}"
 
 
 def became(values: Sequence[float | None]) -> str:
