@@ -15,7 +15,7 @@ from ingest.catalogue.page import table
 from replay.show.plots.error_maps import LOAD_NAMES
 from replay.show.verbs.intake import session_json
 from replay.show.words import words
-from replay.show.words.figure import KEY_ABOVE, save, style
+from replay.show.words.figure import KEY_ABOVE, save, style, tick
 from replay.show.words.palette import COLOURS, DASHES, INK, PAPER, SOFT
 from replay.show.words.terminal import labelled
 from replay.show.words.width import width
@@ -188,6 +188,7 @@ def picture(found: Envelope, target: Path) -> None:
             place = (one.speed_rpm, one.load)
             axes.annotate(one.session.name, place, xytext=(6, -3), textcoords="offset points", fontsize=7)
         axes.set_xlabel("speed [rpm]")
+        axes.xaxis.set_major_formatter(tick)
         axes.set_ylabel(f"{name} [{unit}]")
         axes.set_xlim(0.0, None)
         axes.set_ylim(0.0, None)
