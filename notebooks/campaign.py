@@ -92,6 +92,11 @@ def _(store):
 def _(store):
     heat_rows = store.sql(
         """
+        WITH masked AS (  -- what a sensor repeats: the last value that it had, or that of a broken wire
+            SELECT stream, payload->'detail'->>'channel' AS channel, unnest((payload->'detail'->'spans')::JSON[]) AS span
+            FROM events
+            WHERE topic = 'whyhot:QualityFlagged' AND payload->>'flag' IN ('held', 'stuck', 'saturated')
+        )
         SELECT
             concat_ws(' ', s.specimen, s.name) AS test,
             s.name AS session_name,
@@ -103,6 +108,8 @@ def _(store):
             arg_max(v.channel, v.value) AS channel
         FROM samples AS v
         JOIN sessions AS s ON s.session = v.session
+        ANTI JOIN masked AS m ON m.stream = concat('session-', v.session) AND m.channel = v.channel
+            AND v.region <> 'boundary' AND v.t_ns BETWEEN (m.span->>'start_ns')::BIGINT AND (m.span->>'end_ns')::BIGINT
         WHERE v.quantity = 'temperature'
         GROUP BY s.specimen, s.name, s.start_ns, v.session, place, v.region
         ORDER BY s.start_ns, s.name, place
@@ -161,7 +168,7 @@ def _(cells, flags, mo, sessions):
 
 @app.cell
 def _(COLOURS, INK, alt, cells, heats, mo):
-    how_hot = alt.Chart(heats, title="How hot each place became [°C]")
+    how_hot = alt.Chart(heats, title="How hot each place became [°C], masked samples left out")
     place = alt.Y("place:N", title=None, sort=alt.EncodingSortField("highest_degC", op="max", order="descending"))
     test = alt.X("test:N", title=None, sort=None, axis=alt.Axis(labelAngle=-45))
     map_of_heat = (

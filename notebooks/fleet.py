@@ -61,9 +61,14 @@ def _(store):
             coalesce(b.outlying, false) AS batch_outlying,
             if(f.outlying, 'motor', if(batch_outlying, 'batch', 'neither')) AS stands_out,
             f.significant,
-            f.form,
-            l.life_used_low,
-            l.life_used_high,
+            CASE f.form
+                WHEN 'none' THEN 'no change'
+                WHEN 'monotone' THEN if(f.slope_percent_per_100h < 0, 'falls', 'rises')
+                WHEN 'dip_then_rise' THEN 'falls, rises'
+                ELSE 'changes'
+            END AS course,
+            100 * l.life_used_low AS life_used_low,
+            100 * l.life_used_high AS life_used_high,
             f.remaining_low_h,
             f.remaining_high_h,
             f.why
@@ -119,8 +124,9 @@ def _(batch_rows, cells, folder, motor_rows, words):
     answer += [
         f"{row['specimen']}: past its end of life"
         if row["remaining_high_h"] == 0
-        else f"{row['specimen']}: at least {row['remaining_low_h']:,.0f} h of dose left (90 %"
-        + (")" if row["remaining_high_h"] is None else f", at most {row['remaining_high_h']:,.0f} h)")
+        else f"{row['specimen']}: at least {row['remaining_low_h']:,.0f} h of dose left (90 %)"
+        if row["remaining_high_h"] is None
+        else f"{row['specimen']}: {row['remaining_low_h']:,.0f} to {row['remaining_high_h']:,.0f} h of dose left (90 %)"
         for row in soonest
     ]
     if not rows:
@@ -163,7 +169,7 @@ def _(COLOURS, INK, SOFT, alt, cells, check_rows, motors, pc):
         "slope_low",
         "slope_high",
         "score",
-        "form",
+        "course",
     ]
     drawn = alt.Chart(shown)
     none = alt.Chart(alt.Data(values=[{"zero": 0.0}])).mark_rule(color=INK[0], strokeWidth=0.7).encode(x="zero:Q")

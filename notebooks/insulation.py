@@ -17,9 +17,10 @@ def _():
     import marimo as mo
 
     from replay.show.notebooks import cells
+    from replay.show.words import words
     from replay.show.words.palette import COLOURS, INK, SOFT
 
-    return COLOURS, INK, SOFT, alt, cells, mo
+    return COLOURS, INK, SOFT, alt, cells, mo, words
 
 
 @app.cell
@@ -65,7 +66,7 @@ def _(store):
 
 
 @app.cell
-def _(cells, course_rows, folder):
+def _(cells, course_rows, folder, words):
     courses = course_rows.to_arrow_table().to_pylist()
     forms = {
         "dip_then_rise": "R falls, then rises",
@@ -76,13 +77,10 @@ def _(cells, course_rows, folder):
         """The course of a specimen in words, with its numbers."""
         if row["slope_percent_per_100h"] is None:
             return f"nothing can be told: {row['why'] or 'no check with both R and dose'}"
-        slope = f"{row['slope_percent_per_100h']:+.1f} % per 100 h ({row['slope_low']:+.1f} to {row['slope_high']:+.1f})".replace(
-            "-", "−"
-        )
+        slope, low, high = (words.signed(row[name]) for name in ("slope_percent_per_100h", "slope_low", "slope_high"))
+        slope = f"{slope} % per 100 h ({low} to {high})"
         if not row["significant"] and row["fleet_slope_percent_per_100h"] is not None:
-            slope = f"{row['fleet_slope_percent_per_100h']:+.1f} % per 100 h by its checks and the fleet".replace(
-                "-", "−"
-            )
+            slope = f"{words.signed(row['fleet_slope_percent_per_100h'])} % per 100 h by its checks and the fleet"
         if not row["significant"]:
             return f"no change beyond repeatability ({row['repeatability_percent']:.1f} %), {slope}"
         monotone = "R rises steadily" if row["slope_percent_per_100h"] > 0 else "R falls steadily"

@@ -377,6 +377,26 @@ def test_a_store_with_nothing_of_the_kind_says_so_in_one_line(
     assert said_by_script(notebook, rows, capsys) == (0, says.format(rows) + "\n", "")
 
 
+def test_a_sensor_that_went_open_is_not_what_got_hottest(tmp_path: Path) -> None:
+    t = np.arange(3600.0)
+    noise = np.random.default_rng(1).normal(0.0, 0.05, (2, t.size))
+    yoke = np.where((t > 1200) & (t < 1900), 1372.0, 40 + t / 400 + noise[0])
+    rows = zip(t, 3000 + 500 * np.sin(t / 90), yoke, 60 + t / 600 + noise[1], strict=True)
+    lines = ["t [s],n,T_yoke,T_winding", *(f"{a:.0f},{n:.0f},{y:.3f},{w:.3f}" for a, n, y, w in rows)]
+    (tmp_path / "run.csv").write_text("\n".join(lines), encoding="utf-8")
+    places = [("n", "speed", "rpm"), ("T_yoke", "temperature", "degC"), ("T_winding", "temperature", "degC")]
+    bench = [
+        f'[[channel]]\nsignal = "{signal}"\nquantity = "{quantity}"\nunit = "{unit}"\n'
+        + f'node = "{signal[2:]}"\n' * signal.startswith("T_")
+        for signal, quantity, unit in places
+    ]
+    (tmp_path / "bench.toml").write_text("".join(bench), encoding="utf-8")
+    store = tmp_path / "store"
+    words = [str(tmp_path / "run.csv"), "--bench", str(tmp_path / "bench.toml"), "--store", str(store)]
+    assert main(["ingest", *words]) == 0
+    assert told(store, "campaign")["answer"][-1].startswith("hottest: winding 66.")
+
+
 def test_heads_are_words_with_units_and_no_hash_is_shown(replayed: Path, aged: Aged, motors: tuple[Path, Any]) -> None:
     tables = {
         "campaign": (replayed, "sessions", ["session"]),
@@ -390,6 +410,7 @@ def test_heads_are_words_with_units_and_no_hash_is_shown(replayed: Path, aged: A
         assert len(heads) > 5
         assert not [head for head in heads if "_" in head], notebook
         assert not re.search(r"[0-9a-f]{32}", html), notebook
+        assert not re.search(r"<td>(?:True|False|dip_then_rise|changepoint|monotone)</td>", html), notebook
     assert cells.head("highest_degC") == "highest [°C]"
     assert cells.head("slope_percent_per_100h") == "slope of R [% per 100 h]"
 

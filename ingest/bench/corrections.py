@@ -52,6 +52,11 @@ class Correction:
         return self.cause.split(".", 2)[2]
 
     @property
+    def says(self) -> str:
+        """ "clock.thermo.offset 24 s"."""
+        return f"{self.cause} {self.amount:g} {self.rule.unit}".rstrip()
+
+    @property
     def rule(self) -> CorrectionLaw:
         """What its law does, of one that a bench can have."""
         return THERE_OR_NOT if self.law.startswith(SWAP) else LAWS[self.kind][self.law]

@@ -7,7 +7,7 @@ Amounts are reading minus truth. A new law of a sensor is one entry of `SENSOR` 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from operator import add
 
 import numpy as np
@@ -45,6 +45,7 @@ class CorrectionLaw:
     true_stamps: Callable[[Times, float, int], Times] | None = None
     both: Callable[[float, float], float] = add  # the one amount that does what a first and then a second do
     turn: int = OTHERS  # when it is taken off, of several
+    unit: str = ""  # of its amount: "" for a share, and for what is in a quantity's own
     needs: str = ""  # what has to be known beside a reading: AMBIENT, SPEED, CURRENT
     fits: Callable[[float], bool] = lambda amount: True  # whether an amount can be, else `refusal`
     refusal: str = ""
@@ -60,9 +61,11 @@ def _without_stem(reading: Array, share: float, beside: Surroundings) -> Array:
     return (reading - share * beside.known[AMBIENT]) / (1.0 - share)
 
 
-def _without_input(name: str, per: float) -> CorrectionLaw:
+def _without_input(name: str, per: float, unit: str) -> CorrectionLaw:
     """T + a u / per, u the magnitude of an input."""
-    return CorrectionLaw(off=lambda reading, a, beside: reading - a * beside.known[name] / per, turn=ADDED, needs=name)
+    return CorrectionLaw(
+        off=lambda reading, a, beside: reading - a * beside.known[name] / per, turn=ADDED, needs=name, unit=unit
+    )
 
 
 BIAS = CorrectionLaw(off=lambda reading, a, _: reading - a, turn=ADDED)  # T + a [stored unit]
@@ -80,10 +83,12 @@ THERE_OR_NOT = CorrectionLaw(
     refusal="is there or not: its amount must be 1",
 )
 SENSOR: Mapping[str, CorrectionLaw] = {
-    "bias": BIAS,
+    "bias": replace(BIAS, unit="K"),
     "gain": GAIN,
-    "lag": CorrectionLaw(),  # follows T more slowly, by a first-order lag [s]: added to `time_constant_s`
-    "drift": CorrectionLaw(off=lambda reading, a, beside: reading - a * beside.hours, turn=ADDED),  # T + a t [K/h]
+    "lag": CorrectionLaw(unit="s"),  # follows T more slowly, by a first-order lag [s]: added to `time_constant_s`
+    "drift": CorrectionLaw(  # T + a t
+        off=lambda reading, a, beside: reading - a * beside.hours, turn=ADDED, unit="K/h"
+    ),
     "stem": CorrectionLaw(  # T + a (T_ambient - T)
         off=_without_stem,
         both=lambda first, then: 1.0 - (1.0 - first) * (1.0 - then),
@@ -92,19 +97,19 @@ SENSOR: Mapping[str, CorrectionLaw] = {
         fits=lambda a: a < 1.0,
         refusal="leaves only the ambient: its amount must be below 1",
     ),
-    "speed": _without_input(SPEED, 1000.0),  # a [K/1000 rpm]
-    "current": _without_input(CURRENT, 100.0),  # a [K/100 A]
+    "speed": _without_input(SPEED, 1000.0, "K/1000 rpm"),
+    "current": _without_input(CURRENT, 100.0, "K/100 A"),
     **dict.fromkeys(MASKED, THERE_OR_NOT),  # not T: such samples are masked where they are found
 }
 LAWS: Mapping[str, Mapping[str, CorrectionLaw]] = {
     "sensor": SENSOR,
     "clock": {
-        "offset": CorrectionLaw(true_stamps=lambda t_ns, a, _: t_ns - round(a * 1e9)),  # stamps late by a [s]
+        "offset": CorrectionLaw(true_stamps=lambda t_ns, a, _: t_ns - round(a * 1e9), unit="s"),  # stamps late by a
         # Stamps late by a t [ppm], t since the start of the session.
-        "drift": CorrectionLaw(true_stamps=_without_drift, turn=ADDED),
+        "drift": CorrectionLaw(true_stamps=_without_drift, turn=ADDED, unit="ppm"),
         # All that it records follows more slowly, by a first-order lag [s]: added to `time_constant_s` (`slowed`).
-        "lag": CorrectionLaw(fits=lambda a: a >= 0.0, refusal="is no lag: its amount must be 0 or more"),
+        "lag": CorrectionLaw(fits=lambda a: a >= 0.0, refusal="is no lag: its amount must be 0 or more", unit="s"),
     },
     "input": {"gain": GAIN, "bias": BIAS},
-    "boundary": {"bias": BIAS},
+    "boundary": {"bias": replace(BIAS, unit="K")},
 }

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.bench.bench_file import Bench, read_bench
-from ingest.bench.corrections import Correction, correct, logger_lag_s, true_times
+from ingest.bench.corrections import Correction, correct, logger_lag_s, spelt, true_times
 from ingest.bench.resolving import ResolvedChannel, resolve
 from ingest.bench.signals import Directory, Signal
 from ingest.errors import DamageError, UnitError
 from ingest.facts.bucket import Place
-from ingest.facts.events import DecodeCompleted
+from ingest.facts.events import DecodeCompleted, SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.texts.guessing import guess, unit_in_name
 from ingest.texts.quantities import STORED_UNIT, Conversion, converter
@@ -73,6 +73,13 @@ class DecodedFile:
         """Stamps (N,) [ns] of a group without what the bench file says that its clock is late by."""
         return true_times(t_ns, self.bench.corrections if self.bench else (), self.clocks[group], start_ns)
 
+    @property
+    def corrections(self) -> tuple[Correction, ...]:
+        """What the bench file says is wrong when the log begins, of clocks with those that stamp it."""
+        clocks = {spelt(name) for name in self.clocks.values()}
+        known = self.bench.corrections if self.bench else ()
+        return tuple(one for one in known if one.kind != "clock" or one.place in clocks)
+
     def as_logged(self, source: ChannelSource) -> ResolvedChannel:
         """The description of a channel with what the bench file says that its logger smooths."""
         lag_s = logger_lag_s(self.bench.corrections if self.bench else (), self.clocks[source.entry["group"]])
@@ -115,10 +122,24 @@ def decoded_file(store: Store, facts: Facts, decode: DecodeCompleted) -> Decoded
     """A decode, its channels by the version of its bench file that is current. Raises DamageError."""
     refuse_forgotten(store, decode.decode)
     sha = facts.current(decode.bench) if decode.bench else None
-    begin = decode.start_ns if decode.absolute else None
-    bench = read_bench(store.archive.read(sha), facts.benches[sha].name).at(begin) if sha else None
+    bench = _read_at(store, facts, sha, decode) if sha else None
     sources = _of_bench(bench, decode) if bench else [ChannelSource(entry, _guess(entry)) for entry in decode.channels]
     return DecodedFile(decode, store.decoded(decode.decode), facts.files[decode.raw].name, bench, sources)
+
+
+def taken_off(store: Store, facts: Facts, session: SessionRecorded, bench: str | None = None) -> list[str]:
+    """What a bench file says is wrong with the logs of a session, and all that computes takes off, each in words.
+    `bench`: SHA-256 of its version, None for the current one. Raises DamageError."""
+    files = [decoded_file(store, facts, facts.decodes[file["decode"]]) for file in session.files]
+    if bench:
+        files = [replace(one, bench=_read_at(store, facts, bench, one.decode)) for one in files]
+    return list(dict.fromkeys(correction.says for one in files for correction in one.corrections))
+
+
+def _read_at(store: Store, facts: Facts, sha: str, decode: DecodeCompleted) -> Bench:
+    """A version of a bench file as it is when the log of a decode begins."""
+    begin = decode.start_ns if decode.absolute else None
+    return read_bench(store.archive.read(sha), facts.benches[sha].name).at(begin)
 
 
 def refuse_forgotten(store: Store, decode: str) -> None:

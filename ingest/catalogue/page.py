@@ -104,6 +104,8 @@ def _heading(one: SessionDescription) -> list[str]:
     said = [f"{key} = {value}" for key, value in one.attributes.items()]
     lines = [f"{one.name}   {one.kind}: {one.kind_why}", f"{when}, {clock(one.duration_s)}, session {one.session}"]
     lines += [" · ".join(words) for words in (about, said) if words]
+    if one.corrections:
+        lines.append(f"corrected below and in what is computed, by {one.bench}: {', '.join(one.corrections)}")
     return lines + [f"since {change}" for change in one.changes]
 
 

@@ -43,7 +43,7 @@ WINDOW_NS = 600_000_000_000  # on either side, for the share of equal neighbours
 SHORTEST_NS = 5_000_000_000
 STUCK_NS = 600_000_000_000
 RESOLUTIONS = 10.0  # that another channel must move
-GENTLY = 10.0  # typical steps between neighbours, with which a clipped signal may leave its limit
+GENTLY = 10.0  # typical steps between neighbours, with which a signal is clipped or its last value held
 STICKS = 3  # times held at one value
 SET_BY_HAND = ("state", "histogram", "speed_command", "torque_command")  # repeat by their nature: no sensor behind them
 WITH = 3  # channels that are held together, at least
@@ -100,8 +100,8 @@ class ChannelQuality:
     """What one channel's samples look like; numbers in its stored unit, None where there are too few samples.
 
     `rate_Hz` 1 / median interval; `noise` one sigma, from second differences; `resolution` the smallest step seen;
-    `good` bool (N,): False for the samples of a stretch, but for the first of a held or stuck one: that was measured;
-    all True for an input, which is used as it stands.
+    `good` bool (N,): False for the samples of a stretch, but for the first of a held or stuck one that is reached
+    gently: that was measured; all True for an input, which is used as it stands.
     """
 
     name: str
@@ -184,7 +184,8 @@ def _assess(
     )
     good = np.ones(len(value), dtype=np.bool_)
     for stretch in held if channel.spec.role != "input" else ():
-        good[stretch.first + (stretch.kind != "saturated") : stretch.last + 1] = False
+        measured = stretch.kind != "saturated" and (stretch.first == 0 or _gently(value, stretch.first - 1))
+        good[stretch.first + measured : stretch.last + 1] = False
     return ChannelQuality(
         name=channel.spec.name,
         role=channel.spec.role,
@@ -312,8 +313,13 @@ def _clipped(value: NDArray[np.float64], first: int, last: int) -> bool:
     """Whether a run is at a limit of the channel and is reached and left gently."""
     if value[first] not in (value.min(), value.max()) or first == 0 or last + 1 == len(value):
         return False
+    return _gently(value, first - 1) and _gently(value, last)
+
+
+def _gently(value: NDArray[np.float64], at: int) -> bool:
+    """Whether a channel goes from the sample `at` to the next one as between others: an open thermocouple jumps."""
     step = np.abs(np.diff(value))
-    return bool(max(step[first - 1], step[last]) <= GENTLY * np.median(step[step > 0.0]))
+    return bool(step[at] <= GENTLY * np.median(step[step > 0.0]))
 
 
 def _records_repeated(qualities: Sequence[ChannelQuality]) -> Iterator[QualityFlagged]:

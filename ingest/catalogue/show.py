@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from ingest.catalogue import operating_points, power, quality
 from ingest.catalogue.channels import ChannelData
 from ingest.catalogue.contradicting import contradicting
+from ingest.catalogue.decoded import taken_off
 from ingest.catalogue.description import ChannelDescription, Repeats, SessionDescription, SourceDescription
 from ingest.catalogue.looked import Looked, look
 from ingest.catalogue.quality import ChannelQuality
@@ -23,7 +25,8 @@ if TYPE_CHECKING:
 
 def describe(store: Store, facts: Facts, session: SessionRecorded) -> SessionDescription:
     """Look through the samples of a session. Raises DamageError where they are damaged or missing."""
-    return described(facts, session, look(store, facts, session))
+    found = described(facts, session, look(store, facts, session))
+    return replace(found, corrections=tuple(taken_off(store, facts, session)))
 
 
 def described(facts: Facts, session: SessionRecorded, samples: Looked) -> SessionDescription:

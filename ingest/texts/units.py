@@ -83,6 +83,7 @@ _WRITTEN: Mapping[str, str] = {"degC": "°C", "lpm": "l/min", "ohm": "Ω", "m/s2
 _PREFIXED = ("A", "V", "W", "ohm", "F", "H", "Hz", "Pa", "s", "J", "Wh", "Ah", "bar", "N", "T", "g")
 _PREFIXES = ("p", "n", "u", "m", "k", "M", "G")
 _OF_OHM = (*_PREFIXES, "T")  # as meters of insulation go: of others "T" is a time or a tesla
+_AT_END = re.compile(r"(?<=\S)[ _]*[\[(]([^\[\]()]+)[\])]\s*$")  # a unit, behind a name
 
 
 def normal_unit(text: str | None) -> str | None:
@@ -96,6 +97,17 @@ def normal_unit(text: str | None) -> str | None:
 def as_written(unit: str) -> str:
     """A unit that is spelt as here, as people write it."""
     return _WRITTEN.get(unit, unit)
+
+
+def without_unit(name: str) -> str:
+    """A name of a log without the unit that it ends in: "TC_yoke" of `TC_yoke [°C]`, "n" of `n (rpm)`."""
+    own = _AT_END.search(name)
+    return name[: own.start()] if own and normal_unit(own[1]) else name
+
+
+def with_unit(name: str, unit: str) -> str:
+    """`TC_winding [degC]`: the unit that a name ends in gives way to that of the values."""
+    return f"{without_unit(name)} [{unit}]"
 
 
 def tidy(text: str) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -17,13 +16,12 @@ from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.texts.names import each_once
 from ingest.texts.quantities import STORED_UNIT
-from ingest.texts.units import normal_unit
+from ingest.texts.units import with_unit
 from replay.errors import ExportError
 
 if TYPE_CHECKING:
     from ingest.facts.store import Store
 
-UNIT_AT_END = re.compile(r"(?<=\S)[ _]*[\[(]([^\[\]()]+)[\])]\s*$")
 PART_VALUES = 200_000  # about so many a part
 
 Span = tuple[int, int]  # [ns], the end left out
@@ -44,11 +42,8 @@ class OutColumn:
 
     @property
     def title(self) -> str:
-        """`TC_winding [degC]`; the unit that a name of the log ends in gives way to that of the values."""
-        if not self.unit:
-            return self.name
-        own = UNIT_AT_END.search(self.name)
-        return f"{self.name[: own.start()] if own and normal_unit(own[1]) else self.name} [{self.unit}]"
+        """`TC_winding [degC]`; the name alone where nobody says a unit."""
+        return with_unit(self.name, self.unit) if self.unit else self.name
 
 
 @dataclass(frozen=True, eq=False)

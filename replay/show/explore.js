@@ -112,14 +112,15 @@ function overSpeed(plot) {  // the lines of the first panel that are shown, over
   }
 }
 
-function csv(plot) {  // the corners of the lines that are seen, and where these enter and leave
+function csv(plot) {  // the corners of the lines that are seen, where these enter and leave, and no value where a gap begins
   const rows = [["line", plot.unit, "value"]], [from, to] = plot.seen;
   for (const panel of plot.panels)
     for (const line of panel.lines.filter(line => line.shown)) {
-      const corners = line.strokes.flat().map(([x, y]) => [panel.x(x), panel.y(y)]);
+      const corners = line.strokes.flatMap((stroke, i) => [...i ? [[panel.x(line.strokes[i - 1].at(-1)[0]), null]] : [],
+        ...stroke.map(([x, y]) => [panel.x(x), panel.y(y)])]);
       const ends = [from, to].map(time => [time, valueAt(panel, line, time)]).filter(([, value]) => value !== null);
       const seen = [...ends, ...corners.filter(([time]) => time > from && time < to)].sort((a, b) => a[0] - b[0]);
-      rows.push(...seen.map(([time, value]) => [line.name, time.toPrecision(7), value.toPrecision(5)]));
+      rows.push(...seen.map(([time, value]) => [line.name, time.toPrecision(7), value?.toPrecision(5) ?? ""]));
     }
   return rows.map(row => row.map(cell => `"${cell.replaceAll('"', '""')}"`).join(",")).join("\n");
 }
@@ -197,12 +198,12 @@ function explore(svg, session) {
     return plot.timeAt(Math.min(Math.max(place.x, left), right));
   };
   let begun = null;
-  svg.addEventListener("pointerdown", event => { begun = timeOf(event); });
+  svg.addEventListener("pointerdown", event => { begun = event.button ? null : timeOf(event); });
   svg.addEventListener("pointermove", event => {
-    if (!event.buttons) begun = null;  // let go outside of the picture
+    if (!event.buttons) begun = null;  // let go where the page is not told of it
     cursor(plot, timeOf(event), begun);
   });
-  svg.addEventListener("pointerup", event => {
+  addEventListener("pointerup", event => {  // a brush that ends beside the picture goes to its edge
     const range = [begun, timeOf(event)].sort((a, b) => a - b);
     if (begun !== null && range[1] - range[0] > 0.01 * (plot.seen[1] - plot.seen[0])) zoom(plot, range);
     begun = null;

@@ -63,12 +63,13 @@ SAID = {  # columns whose name says too little
     "fleet_slope_percent_per_100h": "slope, with the fleet's [% per 100 h]",
     "fleet_low": "that from [% per 100 h]",
     "fleet_high": "that to [% per 100 h]",
+    "course": "course of R",
     "score": "from the others [sd]",
     "outlying": "not as its batch",
     "batch_outlying": "its batch not as the others",
     "significant": "changes beyond repeatability",
-    "life_used_low": "life used, from [1]",
-    "life_used_high": "life used, to [1]",
+    "life_used_low": "life used, from [%]",
+    "life_used_high": "life used, to [%]",
     "remaining_low_h": "dose left, from [h]",
     "remaining_high_h": "dose left, to [h]",
     "modelled_at_s": "hottest after [s]",
@@ -123,7 +124,7 @@ def tabled(table: pa.Table, *left_out: str) -> mo.Html:
     shown = shown.rename_columns([head(name) for name in shown.column_names])
     numbers = [field.name for field in shown.schema if pa.types.is_floating(field.type)]
     if not _still():
-        formats: Any = dict.fromkeys(numbers, "{:,.4g}")
+        formats: Any = dict.fromkeys(numbers, _number)
         return mo.ui.table(
             shown, selection=None, show_column_summaries=False, show_data_types=False, format_mapping=formats
         )
@@ -133,9 +134,15 @@ def tabled(table: pa.Table, *left_out: str) -> mo.Html:
     return mo.Html(f"<table>{''.join(cells)}</table>{rest}")
 
 
+def _number(value: float | None) -> str:
+    return "" if value is None else words.digits(value, 4)
+
+
 def _cell(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
     if isinstance(value, float):
-        return f"{value:,.4g}"
+        return _number(value)
     if isinstance(value, datetime):
         return value.isoformat(" ", "minutes")
     return "" if value is None else str(value)

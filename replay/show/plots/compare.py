@@ -21,12 +21,12 @@ from replay.show.plots.plots import (
     around_zero,
     draw,
     groups,
-    instants,
-    nearest,
     over_driving,
     over_session,
     residual_cells,
     strip,
+    table_instants,
+    temperature_cells,
     time_axis,
 )
 from replay.show.words import words
@@ -217,16 +217,15 @@ def _draw_residuals(axes: Axes, run: Run, overlaid: Overlaid, columns: int) -> N
 
 def _table(run: Run, several: Sequence[Overlaid]) -> FigureTable:
     time = time_axis(run)
-    reference = several[0].first.t_ns
-    at_ns = reference[instants(reference.size)]
+    at_ns = table_instants([overlaid.first for overlaid in several])
     head, cells = [time.label], [[f"{t:.2f}" for t in time.of(at_ns)]]
     for overlaid in several:
         node = words.name(overlaid.first.node)
         readings = {overlaid.reading: overlaid.first} | ({"corrected": overlaid.corrected} if overlaid.moved else {})
         for label, observed in readings.items():
             head.append(f"{node} {label} [°C]")
-            cells.append([words.fixed(v) for v in observed.measured[nearest(observed, at_ns)]])
+            cells.append(temperature_cells(observed, observed.measured, at_ns))
         for key, observed in overlaid.models.items():
             head.append(f"{words.name(observed.node)} {MODELS[key].label} [K]")
-            cells.append(residual_cells(observed, nearest(observed, at_ns)))
+            cells.append(residual_cells(observed, at_ns))
     return FigureTable(tuple(head), tuple(zip(*cells, strict=True)))

@@ -104,7 +104,7 @@ def _table(losses: HeatBalance) -> FigureTable:
     rows.append(("left over: rounding", "", losses.left_J))
     whole = losses.energy_J
     shown = tuple(
-        (kind, what, f"{energy / 1e3:,.3g}", words.fixed(100 * energy / whole)) for kind, what, energy in rows
+        (kind, what, words.digits(energy / 1e3), words.fixed(100 * energy / whole)) for kind, what, energy in rows
     )
     return FigureTable(("heat", "where", "energy [kJ]", "share [%]"), shown)
 

@@ -12,12 +12,12 @@ from matplotlib.figure import Figure
 from ingest.catalogue.channels import ChannelData, current, find
 from ingest.catalogue.operating_points import OperatingPoints
 from ingest.morning.morning import Before, Night
-from ingest.texts.units import as_written
+from ingest.texts.units import as_written, with_unit, without_unit
 from replay.show.plots.plots import ROWS, WIDTH, TimeAxis, draw, instants
 from replay.show.words import words
 from replay.show.words.figure import KEY_ABOVE, FigureTable, Plot, inline_svg, name_lines, named, panels, style, tick
 from replay.show.words.palette import COLOURS, DASHES, INK
-from replay.show.words.thin import thin
+from replay.show.words.thin import next_samples, thin
 
 MOST_LINES = len(COLOURS)  # of a panel of temperatures
 MOST_PANELS = 3
@@ -49,7 +49,7 @@ def course(night: Night, columns: int) -> Plot | None:
             ax.yaxis.set_major_formatter(tick)
         for ax, group in zip(axes[len(drives) :], groups, strict=True):
             for one, colour in zip(group, COLOURS, strict=False):
-                own = {"color": colour, "linewidth": 1.1, "gid": named(f"{one.spec.name} [°C]")}
+                own = {"color": colour, "linewidth": 1.1, "gid": named(with_unit(one.spec.name, "°C"))}
                 draw(ax, time, one.t_ns, one.value, columns, **own)
             ax.set_ylabel("temperature [°C]")
             name_lines(ax, [(float(one.value[-1]), one.spec.name, c) for one, c in zip(group, COLOURS, strict=False)])
@@ -74,13 +74,13 @@ def _time_axis(channels: Sequence[ChannelData]) -> TimeAxis:
 
 
 def _table(time: TimeAxis, channels: Sequence[ChannelData]) -> FigureTable:
-    first = channels[0]
-    at = first.t_ns[instants(len(first.t_ns), ROWS)]
-    head = (time.label, *(f"{one.spec.name} [{as_written(one.unit or '')}]" for one in channels))
+    t_ns = max((one.t_ns for one in channels), key=np.ptp)
+    at = t_ns[instants(len(t_ns), ROWS)]
+    head = (time.label, *(with_unit(one.spec.name, as_written(one.unit or "")) for one in channels))
     cells = [[f"{t:.2f}" for t in time.of(at)]]
     for one in channels:
-        nearest = np.clip(np.searchsorted(one.t_ns, at), 0, len(one.t_ns) - 1)
-        cells.append([words.fixed(value) for value in one.value[nearest]])
+        i, there = next_samples(one.t_ns, at)
+        cells.append([words.fixed(value) for value in np.where(there, one.value[i], np.nan)])
     return FigureTable(head, tuple(zip(*cells, strict=True)))
 
 
@@ -137,12 +137,12 @@ def beside(before: Before, key: str, columns: int) -> Plot | None:
         ends: list[tuple[float, str, str]] = []
         offs: list[tuple[float, str, str]] = []
         for one, colour, dashes in zip(courses, COLOURS, DASHES, strict=False):
-            t = one.t_s / unit_s
-            now: Any = {"color": colour, "linewidth": 1.4, "gid": named(f"{one.channel} this run [°C]")}
+            t, name = one.t_s / unit_s, without_unit(one.channel)
+            now: Any = {"color": colour, "linewidth": 1.4, "gid": named(f"{name} this run [°C]")}
             ax.plot(*thin(t, one.second, columns), **now)
-            then: Any = {"color": colour, "linestyle": dashes, "gid": named(f"{one.channel} {before.name} [°C]")}
+            then: Any = {"color": colour, "linestyle": dashes, "gid": named(f"{name} {before.name} [°C]")}
             ax.plot(*thin(t, one.first, columns), linewidth=1.1, **then)
-            apart: Any = {"color": colour, "linewidth": 1.1, "gid": named(f"{one.channel} difference [K]")}
+            apart: Any = {"color": colour, "linewidth": 1.1, "gid": named(f"{name} difference [K]")}
             lower.plot(*thin(t, one.second - one.first, columns), **apart)
             ends.append((float(one.second[np.isfinite(one.second)][-1]), one.channel, colour))
             off = one.second - one.first
@@ -157,7 +157,8 @@ def beside(before: Before, key: str, columns: int) -> Plot | None:
         name_lines(lower, offs)
         svg = inline_svg(figure, title)
     at = instants(len(courses[0].t_s), ROWS)
-    head = (f"time since start [{unit}]", *(f"{o.channel} {w} [°C]" for o in courses for w in ("now", "before")))
+    called = [without_unit(one.channel) for one in courses]
+    head = (f"time since start [{unit}]", *(f"{name} {w} [°C]" for name in called for w in ("now", "before")))
     cells = [[f"{t:.2f}" for t in courses[0].t_s[at] / unit_s]]
     for one in courses:
         cells += [[words.fixed(value) for value in one.second[at]], [words.fixed(value) for value in one.first[at]]]

@@ -169,7 +169,7 @@ def _draw_links(axes: Axes, network: Network, sizes: _Sizes, at: Mapping[str, Fl
         if len(network.links) <= LABELLED:
             patch = {"facecolor": PAPER[0], "edgecolor": "none", "alpha": 0.85, "pad": 0.8}
             x, y = (a + b) / 2
-            axes.text(x, y, f"{conductance:.3g} W/K", fontsize=POINTS - 1.5, zorder=2, bbox=patch, **CENTRED)
+            axes.text(x, y, f"{words.digits(conductance)} W/K", fontsize=POINTS - 1.5, zorder=2, bbox=patch, **CENTRED)
 
 
 def _draw_circuits(axes: Axes, network: Network, at: Mapping[str, Floats]) -> None:

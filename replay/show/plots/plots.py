@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from ingest.texts.units import without_unit
 from replay.engine.results.run import Observed, Run
 from replay.show.words import words
 from replay.show.words.figure import (
@@ -29,7 +30,7 @@ from replay.show.words.figure import (
 )
 from replay.show.words.findings import finding, worst_first
 from replay.show.words.palette import COLOURS, DASHES, INK, PAPER, SERIES, SOFT
-from replay.show.words.thin import thin, with_gaps
+from replay.show.words.thin import next_samples, thin, with_gaps
 
 Floats = NDArray[np.float64]
 
@@ -176,7 +177,7 @@ def draw_temperatures(axes: Axes, run: Run, group: Sequence[Observed], columns: 
         draw(axes, time, observed.t_ns, observed.measured, columns, observed.used, **own)
         own = {"color": colour, "linewidth": 1.1, "linestyle": dashes, "gid": named(f"{name} model [°C]")}
         draw(axes, time, observed.t_ns, observed.modelled, columns, **own)
-        ends.append((float(observed.measured[-1]), name, colour))
+        ends.append((float(observed.measured[observed.usable][-1]), name, colour))
     axes.set_ylabel("temperature [°C]")
     _draw_limits(axes, run, group)
     for style_, text in (("-", "measured"), (DASHES[0], "model")):
@@ -218,7 +219,7 @@ def draw_residuals(axes: Axes, run: Run, group: Sequence[Observed], columns: int
 
 def _names(run: Run, group: Sequence[Observed]) -> list[str]:
     nodes = [observed.node for observed in run.observed]
-    return [words.name(o.node) if nodes.count(o.node) == 1 else o.channel for o in group]
+    return [words.name(o.node) if nodes.count(o.node) == 1 else without_unit(o.channel) for o in group]
 
 
 def inputs_over_time(run: Run, columns: int) -> Plot | None:
@@ -255,25 +256,33 @@ def _draw_inputs(axes: Axes, unit: str, series: Mapping[str, tuple[Floats, Float
 
 
 def _table(run: Run, group: Sequence[Observed]) -> FigureTable:
-    time, names = time_axis(run), _names(run, group)
-    at_ns = group[0].t_ns[instants(group[0].t_ns.size)]
+    time, names, at_ns = time_axis(run), _names(run, group), table_instants(group)
     columns = ("measured [°C]", "model [°C]", "difference [K]")
     head = (time.label, *(f"{name} {what}" for name in names for what in columns))
     cells = [[f"{t:.2f}" for t in time.of(at_ns)]]
     for observed in group:
-        i = nearest(observed, at_ns)
-        cells += [[words.fixed(v) for v in observed.measured[i]], [words.fixed(v) for v in observed.modelled[i]]]
-        cells.append(residual_cells(observed, i))
+        cells += [temperature_cells(observed, values, at_ns) for values in (observed.measured, observed.modelled)]
+        cells.append(residual_cells(observed, at_ns))
     return FigureTable(head, tuple(zip(*cells, strict=True)))
 
 
-def nearest(observed: Observed, at_ns: NDArray[np.int64]) -> NDArray[np.intp]:
-    """The sample of a channel at or after each instant, the last one behind its end."""
-    return np.clip(np.searchsorted(observed.t_ns, at_ns), 0, observed.t_ns.size - 1)
+def table_instants(some: Sequence[Observed]) -> NDArray[np.int64]:
+    """The instants of a table of channels [ns]: those of the one that goes on for longest."""
+    t_ns = max((observed.t_ns for observed in some), key=np.ptp)
+    return t_ns[instants(t_ns.size)]
 
 
-def residual_cells(observed: Observed, at: NDArray[np.intp]) -> list[str]:
-    return [words.signed(observed.residual[i]) if observed.used[i] else "masked" for i in at]
+def temperature_cells(observed: Observed, values: Floats, at_ns: NDArray[np.int64]) -> list[str]:
+    """Values (M,) of a channel at each instant, a dash where it has no sample."""
+    i, there = next_samples(observed.t_ns, at_ns)
+    return [words.fixed(value) for value in np.where(there, values[i], np.nan)]
+
+
+def residual_cells(observed: Observed, at_ns: NDArray[np.int64]) -> list[str]:
+    """What a channel is off at each instant: "+1.4", "masked", a dash where it has no sample."""
+    i, there = next_samples(observed.t_ns, at_ns)
+    used = zip(observed.used[i], there, observed.residual[i], strict=True)
+    return [(words.signed(off) if use else "masked") if here else words.fixed(np.nan) for use, here, off in used]
 
 
 def _input_table(run: Run, names: Sequence[str]) -> FigureTable:

@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 from replay.show.plots.plots import WIDTH
 from replay.show.reports import steps
 from replay.show.reports.gain_plot import cell
-from replay.show.reports.verdict import figures
 from replay.show.words import words
 from replay.show.words.figure import BEHIND, KEY_ABOVE, FigureTable, Plot, inline_svg, style
 from replay.show.words.palette import INK, KEPT, LEARNT
@@ -81,7 +80,7 @@ def _table(chain: Sequence[ChainStep]) -> FigureTable:
     head += tuple(f"{words.name(n)}, kept [K]" for n in nodes if any(n in step.kept_mae_K for step in chain))
     rows = []
     for step in chain:
-        evidence = "–" if step.log_bayes_factor is None else figures(step.log_bayes_factor)
+        evidence = "–" if step.log_bayes_factor is None else words.digits(step.log_bayes_factor)
         better = f"{step.sessions_better} of {step.sessions}" if step.step >= 0 else "–"
         kept = [cell(step.kept_mae_K.get(n)) for n in nodes if any(n in other.kept_mae_K for other in chain)]
         rows.append((_label(step), evidence, better, *(cell(step.left_out_mae_K.get(n)) for n in nodes), *kept))

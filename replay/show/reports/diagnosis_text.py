@@ -90,7 +90,7 @@ def _ending(diagnosis: Diagnosis) -> Iterator[tuple[str, Sequence[str]]]:
         case Ending.AGREES | Ending.CANNOT_TELL:
             yield "Named cause", ["none", sentences.details(diagnosis)]
     for heat in diagnosis.unknown:
-        evidence = f"ln BF {verdict.figures(heat.log_bayes_factor)}{' of the strongest' * bool(heat.patchwork)}"
+        evidence = f"ln BF {words.digits(heat.log_bayes_factor)}{' of the strongest' * bool(heat.patchwork)}"
         told = [verdict.unknown_sentence(heat), verdict.goes_with(heat) + words.capital(evidence)]
         yield "Unknown", [*told, *filter(None, [words.capital(verdict.what_the_file_says(diagnosis, heat))])]
     yield "Rivals", [*_rivals(diagnosis)] or ["none above the null"]
@@ -112,14 +112,14 @@ def _cause(diagnosis: Diagnosis, cause: Named) -> Iterator[tuple[str, Sequence[s
 
 
 def _evidence(diagnosis: Diagnosis, cause: Named) -> str:
-    bayes = f"ln BF {verdict.figures(cause.log_bayes_factor)}, {verdict.against(diagnosis)}"
+    bayes = f"ln BF {words.digits(cause.log_bayes_factor)}, {verdict.against(diagnosis)}"
     return f"probability {verdict.probability(cause.probability)} ({bayes})"
 
 
 def _rivals(diagnosis: Diagnosis) -> Iterator[str]:
     for rival in verdict.rivals(diagnosis)[:RIVALS]:
         parts = f" ({verdict.fit_and_priors(rival.evidence)})" if rival.evidence else ""
-        yield f"{rival.id}: ln BF {verdict.figures(rival.log_bayes_factor)}{parts}, {rival.why_not}"
+        yield f"{rival.id}: ln BF {words.digits(rival.log_bayes_factor)}{parts}, {rival.why_not}"
     if len(diagnosis.rivals) > RIVALS:
         yield f"and {len(diagnosis.rivals) - RIVALS} more in the report"
 
@@ -182,7 +182,7 @@ def gain_notes(diagnosis: Diagnosis) -> list[str]:
     if diagnosis.log_score_gain is not None and diagnosis.log_score_gain_lower is not None:
         gain, least = diagnosis.log_score_gain, diagnosis.log_score_gain_lower
         more, higher = ("more", "higher") if gain >= 0 else ("less", "lower")
-        score, lower = verdict.figures(abs(gain)), verdict.figures(least if gain >= 0 else -least)
+        score, lower = words.digits(abs(gain)), words.digits(least if gain >= 0 else -least)
         bound = "at least" if gain >= 0 else "at most"
         notes.append(
             f"kept sessions are {more} probable with the cause: log score, fitted, {score} {higher}, {bound} {lower}"

@@ -9,6 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from ingest.catalogue.channels import load
+from ingest.catalogue.decoded import taken_off
 from ingest.facts.events import ReplayCompleted, SessionRecorded
 from ingest.facts.facts import Facts, at
 from ingest.facts.store import Store
@@ -43,10 +44,19 @@ def write_replay_report(
     chosen = facts.named(sessions) or [one for one in facts.sessions if latest_run(facts, one, model)]
     if not chosen:
         raise ReplayDataError(f"no session of this store was replayed{_with(facts, model)}, then report.")
-    runs = [load_run(store, facts, _run_of(facts, session, model)) for session in chosen]
+    events = [_run_of(facts, session, model) for session in chosen]
+    runs = [load_run(store, facts, event) for event in events]
     target.parent.mkdir(parents=True, exist_ok=True)
-    write_report(runs, target, context(store, command))
+    write_report(
+        runs, target, context(store, command), {event.session: corrected(store, facts, event) for event in events}
+    )
     return runs
+
+
+def corrected(store: Store, facts: Facts, event: ReplayCompleted) -> str:
+    """What its bench file took off the readings and times of a run, as a sentence; "" for nothing."""
+    off = taken_off(store, facts, facts.session(event.session), event.bench)
+    return f"readings and times are corrected, as the bench file says: {', '.join(off)}" if off else ""
 
 
 def write_layers(store: Store, facts: Facts, sessions: Sequence[str], folder: Path) -> list[Path]:
@@ -67,6 +77,7 @@ def seen(store: Store, facts: Facts, session: SessionRecorded) -> SessionSeen:
         network_of(store, facts, session, list(events.values())[-1].model) if events else None,
         answer_markdown(found) if found else "",
         _missing(found, runs),
+        corrected(store, facts, list(events.values())[-1]) if events else "",
     )
 
 

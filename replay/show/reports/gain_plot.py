@@ -110,5 +110,5 @@ def cell(error_K: float | None) -> str:
 
 
 def _fall(rms_K: Sequence[float], named: bool) -> str:
-    """ "6.20 -> 0.90", recalibrated without a cause to with it; "-" where no kept time was there."""
-    return " -> ".join(f"{value:.2f}" for value in rms_K[: 2 if named else 1]) or "-"
+    """ "6.20 → 0.90", recalibrated without a cause to with it; "–" where no kept time was there."""
+    return " → ".join(f"{value:.2f}" for value in rms_K[: 2 if named else 1]) or "–"

@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from ingest.texts.units import as_written
 from replay.show.plots.compare import MODELS
 from replay.show.plots.plots import WIDTH
-from replay.show.reports.verdict import figures
 from replay.show.words import words
 from replay.show.words.figure import (
     KEY_ABOVE,
@@ -53,7 +52,7 @@ def _title(law: LawCourse) -> str:
     load = [f"{words.number(round(value))} {as_written(key.rpartition('_')[2])}" for key, value in law.at.items()]
     last = max(i for i, speed in enumerate(law.speed_rpm) if speed <= law.trained_rpm[-1][1])
     at = f"{words.number(round(law.speed_rpm[last]))} rpm and {' and '.join(load)}"
-    ends = [figures(values[last]) for values in (law.extended, law.low, law.high, law.recalibrated, law.published)]
+    ends = [words.digits(values[last]) for values in (law.extended, law.low, law.high, law.recalibrated, law.published)]
     found, low, high, recalibrated, published = ends
     place = words.capital(words.name(law.place).replace("-", " to "))
     size = f"{found} {law.unit} with the cause ({low} to {high})"
@@ -90,4 +89,4 @@ def _table(law: LawCourse) -> FigureTable:
     head = ("speed [rpm]", *(MODELS[key].label for key in MODELS), "from", "to", *law.rivals)
     columns = [law.published, law.recalibrated, law.extended, law.low, law.high, *law.rivals.values()]
     rows = zip(law.speed_rpm, *columns, strict=True)
-    return FigureTable(head, tuple((words.number(round(row[0])), *map(figures, row[1:])) for row in rows))
+    return FigureTable(head, tuple((words.number(round(row[0])), *map(words.digits, row[1:])) for row in rows))

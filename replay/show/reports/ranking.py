@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from replay.show.plots.plots import WIDTH
 from replay.show.reports import verdict
-from replay.show.reports.verdict import against, figures
+from replay.show.reports.verdict import against
 from replay.show.words import words
 from replay.show.words.figure import KEY_ABOVE, FigureTable, Plot, inline_svg, style
 from replay.show.words.palette import INK, SERIES, SOFT
@@ -45,7 +45,7 @@ def ranking(diagnosis: Diagnosis) -> Plot | None:
     title = _title(diagnosis, bars)
     with style(f"{diagnosis.diagnosis} ranking"):
         svg = inline_svg(_draw(diagnosis, bars), title)
-    rows = tuple((bar.name, figures(bar.log_bayes_factor), bar.ended) for bar in bars)
+    rows = tuple((bar.name, words.digits(bar.log_bayes_factor), bar.ended) for bar in bars)
     return Plot(title, svg, READING, FigureTable(("cause", "ln BF", "what became of it"), rows))
 
 
@@ -65,12 +65,12 @@ def _title(diagnosis: Diagnosis, bars: Sequence[Bar]) -> str:
     limits = against(diagnosis)
     lead = next((bar for bar in bars if bar.ended in (NAMED, UNKNOWN)), None)
     if lead is None:
-        best = f"{bars[0].name} at ln BF {figures(bars[0].log_bayes_factor)}"
+        best = f"{bars[0].name} at ln BF {words.digits(bars[0].log_bayes_factor)}"
         return f"No candidate was named: the best is {best} ({limits})"
     rivals = [bar.log_bayes_factor for bar in bars if bar.ended not in (NAMED, UNKNOWN)]
-    best = f", best rival {figures(max(rivals))}" if rivals else ""
+    best = f", best rival {words.digits(max(rivals))}" if rivals else ""
     refused = ", refused as told below" * (max(rivals, default=0.0) > lead.log_bayes_factor)
-    return f"{lead.name}: ln BF {figures(lead.log_bayes_factor)}{best}{refused} ({limits})"
+    return f"{lead.name}: ln BF {words.digits(lead.log_bayes_factor)}{best}{refused} ({limits})"
 
 
 def _draw(diagnosis: Diagnosis, bars: Sequence[Bar]) -> Figure:
@@ -80,7 +80,7 @@ def _draw(diagnosis: Diagnosis, bars: Sequence[Bar]) -> Figure:
     axes.barh(range(len(bars)), [bar.log_bayes_factor for bar in bars], height=0.3, color=[bar.colour for bar in bars])
     for row, bar in enumerate(bars):
         ended = f", {bar.ended}" if bar.ended in (NAMED, UNKNOWN) else ""
-        text = f"{bar.name}: {figures(bar.log_bayes_factor)}{ended}"
+        text = f"{bar.name}: {words.digits(bar.log_bayes_factor)}{ended}"
         axes.annotate(text, (0, row - 0.4), xytext=(2, 0), textcoords="offset points", va="center", fontsize=8)
     _draw_thresholds(axes, diagnosis, len(bars))
     axes.set_ylim(len(bars) - 0.5, -0.5 - ABOVE)
@@ -98,6 +98,6 @@ def _draw_thresholds(axes: Axes, diagnosis: Diagnosis, bars: int) -> None:
         (diagnosis.null_log_bayes_factor, "null", (0, (1.4, 1.2))),
         (diagnosis.threshold, "threshold", (0, (5, 1.6))),
     ):
-        label = f"{text} {figures(value)}"
+        label = f"{text} {words.digits(value)}"
         axes.vlines([value] * bars, tops, bottoms, color=INK[0], linewidth=1.0, linestyle=dashes, label=label)
     axes.legend(**KEY_ABOVE, ncols=2, handlelength=2.6)

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from types import MappingProxyType
 
 from replay.engine.results.run import Observed, Run
 from replay.engine.results.summary import Summary
@@ -50,8 +51,11 @@ class SessionPlots:
     plots: Sequence[Plot]
 
 
-def write_report(runs: Sequence[Run], target: Path, context: ReportContext) -> None:
-    """Write the report of runs, one a session, to `target`. The same runs give the same bytes."""
+def write_report(
+    runs: Sequence[Run], target: Path, context: ReportContext, corrected: Mapping[str, str] = MappingProxyType({})
+) -> None:
+    """Write the report of runs, one a session, to `target`. The same runs give the same bytes. `corrected`: session ->
+    what the bench file took off its readings and times, as a sentence."""
     summaries = [run.summary for run in runs]
     page = template("report.html.j2").render(
         answer=answer(summaries),
@@ -66,10 +70,14 @@ def write_report(runs: Sequence[Run], target: Path, context: ReportContext) -> N
         heats=[(run.session_name, said) for run in runs if (said := [*map(words.capital, heat_says(run.summary))])],
         limits=[(run.session_name, said) for run in runs if (said := heat_words.above_limits(run.summary))],
         meters=[(run.session_name, one) for run in runs for one in run.summary.meters],
-        notes=[(run.session_name, run.summary.note) for run in runs if run.summary.note],
+        notes=[(run.session_name, note) for run in runs for note in _notes(run, corrected)],
         context=context,
     )
     target.write_text(page, encoding="utf-8")
+
+
+def _notes(run: Run, corrected: Mapping[str, str]) -> list[str]:
+    return [note for note in (run.summary.note, corrected.get(run.session)) if note]
 
 
 def mixed(runs: Sequence[Run]) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from replay.show.reports import beyond_usual, doubts, kept_errors, two_models, verdict
-from replay.show.reports.verdict import Ending, against, ending, figures
+from replay.show.reports.verdict import Ending, against, ending
 from replay.show.words import words
 from replay.studies.diagnosis.answer import Diagnosis, Named
 
@@ -121,7 +121,7 @@ def _best(diagnosis: Diagnosis) -> str:
     best = max(diagnosis.rivals, key=lambda rival: rival.log_bayes_factor, default=None)
     if best is None:
         return f"none with evidence ({against(diagnosis)})"
-    found = f"best ln BF {figures(best.log_bayes_factor)} ({against(diagnosis)})"
+    found = f"best ln BF {words.digits(best.log_bayes_factor)} ({against(diagnosis)})"
     if best.log_bayes_factor <= diagnosis.threshold:
         return found
     return f"{found}: {best.id}, which is no cause all the same: see the rivals"

@@ -20,7 +20,7 @@ from replay.engine.results.sealed import load_run
 from replay.engine.runs.sources import code_of
 from replay.show.plots.residual_strip import column_means
 from replay.show.reports.ageing_report import write_ageing_report
-from replay.show.reports.documents import context, current_run, last_assessment, write_sealed_diagnosis
+from replay.show.reports.documents import context, corrected, current_run, last_assessment, write_sealed_diagnosis
 from replay.show.reports.report import write_report
 from replay.show.reports.site import Course, PageWanted
 from replay.studies.diagnosis.accept import sealed_diagnosis
@@ -76,7 +76,7 @@ def _drawn_by() -> str:
 
 def _replay(store: Store, facts: Facts, event: ReplayCompleted, target: Path) -> Course:
     run = load_run(store, facts, event)
-    write_report([run], target, context(store, COMMAND))
+    write_report([run], target, context(store, COMMAND), {event.session: corrected(store, facts, event)})
     return residual_course(run)
 
 

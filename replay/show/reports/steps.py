@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from replay.show.reports.verdict import figures
 from replay.show.words import words
 from replay.studies.diagnosis.answer import ChainStep, Diagnosis
 
@@ -39,7 +38,7 @@ def _nearest(opened: Sequence[ChainStep]) -> Iterator[str]:
 
 def line(step: ChainStep) -> str:
     """ "2 loss.winding.speed (ln BF 40): 0.98 K (winding 0.6, stator 0.7), 5 of 7 sessions better; kept 0.90 K"."""
-    evidence = "" if step.log_bayes_factor is None else f" (ln BF {figures(step.log_bayes_factor)})"
+    evidence = "" if step.log_bayes_factor is None else f" (ln BF {words.digits(step.log_bayes_factor)})"
     parts = [f"{called(step)}{evidence}: {_mean(step.left_out_mae_K)}"]
     parts += [f"{step.sessions_better} of {words.counted(step.sessions, 'session')} better"] * (step.step >= 0)
     kept = f"; kept {_mean(step.kept_mae_K)}" if step.kept_mae_K else ""

@@ -117,15 +117,9 @@ def _learnt_from(diagnosis: Diagnosis) -> str:
     return "the session learnt from" if count == 1 else f"the {count} sessions learnt from"
 
 
-def figures(value: float) -> str:
-    """Three significant digits, thousands with a comma: "96", "1,240", "0.0312", "−1.4"."""
-    text = f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
-    return text.replace("-", "−")
-
-
 def signed(value: float) -> str:
-    """`figures` with a plus where it is positive."""
-    return f"{'+' if value > 0 else ''}{figures(value)}"
+    """Three digits with a plus where it is positive."""
+    return f"{'+' if value > 0 else ''}{words.digits(value)}"
 
 
 def is_exchange(cause: Named) -> bool:
@@ -157,7 +151,7 @@ def in_digits(estimate: float, ci95: Sequence[float]) -> list[str]:
     half of its half width; three significant digits where it has none."""
     half = abs(ci95[1] - ci95[0]) / 2
     if not 0.0 < half < math.inf:
-        return [figures(value) for value in (estimate, *ci95)]
+        return [words.digits(value) for value in (estimate, *ci95)]
     decimals = max(0, math.ceil(-math.log10(half / 2)))
     return [f"{value:,.{decimals}f}".replace("-", "−") for value in (estimate, *ci95)]
 
@@ -240,10 +234,10 @@ def watts(heat: UnnamedHeat) -> str:
     low, high = sorted(heat.watts)
     node = words.name(heat.node)
     if low >= 0:
-        return f"adds {figures(low)} to {figures(high)} W at {node}"
+        return f"adds {words.digits(low)} to {words.digits(high)} W at {node}"
     if high <= 0:
-        return f"takes {figures(-high)} to {figures(-low)} W away from {node}"
-    return f"takes up to {figures(-low)} W from and adds up to {figures(high)} W to {node}"
+        return f"takes {words.digits(-high)} to {words.digits(-low)} W away from {node}"
+    return f"takes up to {words.digits(-low)} W from and adds up to {words.digits(high)} W to {node}"
 
 
 def goes_with(heat: UnnamedHeat) -> str:
@@ -309,4 +303,4 @@ def _tenths(value: float) -> str:
 
 def against(diagnosis: Diagnosis) -> str:
     """ "null 3.2, threshold 6.4": what evidence is compared with."""
-    return f"null {figures(diagnosis.null_log_bayes_factor)}, threshold {figures(diagnosis.threshold)}"
+    return f"null {words.digits(diagnosis.null_log_bayes_factor)}, threshold {words.digits(diagnosis.threshold)}"

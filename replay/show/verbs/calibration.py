@@ -81,22 +81,17 @@ def _moved(parameters: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 
 def _moved_row(p: Mapping[str, Any]) -> tuple[str, ...]:
     spread = f"{100.0 * (math.exp(float(p['sd'])) - 1.0):.1f} %"
-    values = (_figures(p["before"]), _figures(p["value"]), str(p["unit"]))
+    values = (words.digits(p["before"]), words.digits(p["value"]), str(p["unit"]))  # an sd of percents leaves no more
     return str(p["name"]), *values, spread, "at its bound" if p["held"] else ""
-
-
-def _figures(value: float) -> str:
-    """Three digits, of which an sd of percents leaves no more: "1,370", "15.1", "0.745"."""
-    return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
 
 
 def _profile(one: Mapping[str, Any]) -> str:
     """ "loss.magnet.speed2 is 86.2 W, 95 % 80.1 to 93 W, by the data alone"."""
-    low, high = one["ci95"]
-    span = f"{low:.4g} to {high:.4g} {one['unit']}" if low is not None and high is not None else "not bounded"
+    value, low, high = (None if x is None else words.digits(x, 4) for x in (one["value"], *one["ci95"]))
+    span = f"{low} to {high} {one['unit']}" if low is not None and high is not None else "not bounded"
     if (low is None) != (high is None):
-        span = f"at least {low:.4g} {one['unit']}" if high is None else f"at most {high:.4g} {one['unit']}"
-    return f"{one['name']} is {one['value']:.4g} {one['unit']}, 95 %: {span}, by the data alone"
+        span = f"at least {low} {one['unit']}" if high is None else f"at most {high} {one['unit']}"
+    return f"{one['name']} is {value} {one['unit']}, 95 %: {span}, by the data alone"
 
 
 def _free(parameters: Sequence[Mapping[str, Any]]) -> str:

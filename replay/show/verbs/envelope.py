@@ -15,7 +15,7 @@ from ingest.catalogue.page import table
 from replay.show.plots.error_maps import LOAD_NAMES
 from replay.show.verbs.intake import session_json
 from replay.show.words import words
-from replay.show.words.figure import KEY_ABOVE, save, style
+from replay.show.words.figure import KEY_ABOVE, save, style, tick
 from replay.show.words.palette import COLOURS, DASHES, INK, PAPER, SOFT
 from replay.show.words.terminal import labelled
 from replay.show.words.width import width
@@ -108,7 +108,7 @@ def _table(found: Envelope) -> Iterator[str]:
     yield from table(head, rows, width(), right=range(1, len(head)))
     told = [cell for row in rows for cell in row[1:]]
     if any(cell.startswith("at least") for cell in told):
-        yield "at least: with the largest load recorded at that speed no limit is reached"
+        yield from textwrap.wrap("at least: with the largest load recorded at that speed no limit is reached", width())
     if "no load" in told:
         yield "no load: none was recorded at that speed"
     nodes = {one.node for of_speed in found.borders for one in of_speed if one.node}
@@ -188,6 +188,7 @@ def picture(found: Envelope, target: Path) -> None:
             place = (one.speed_rpm, one.load)
             axes.annotate(one.session.name, place, xytext=(6, -3), textcoords="offset points", fontsize=7)
         axes.set_xlabel("speed [rpm]")
+        axes.xaxis.set_major_formatter(tick)
         axes.set_ylabel(f"{name} [{unit}]")
         axes.set_xlim(0.0, None)
         axes.set_ylim(0.0, None)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Iterator
 from typing import Any
 
 from ingest.catalogue.page import table
+from ingest.texts.units import as_written
 from replay.show.words import words
 from replay.show.words.terminal import labelled
 from replay.show.words.width import width
@@ -141,8 +143,17 @@ def _hidden(found: Planned) -> Iterator[str]:
 
 
 def _hidden_row(one: Detectable) -> tuple[str, ...]:
-    smallest = f"{words.number(one.smallest or 0.0)} {one.unit}"
-    return str(one.candidate.cause), words.kelvin(_usual_K(one)), smallest, words.kelvin(one.hot_spot_K or 0.0)
+    return str(one.candidate.cause), words.kelvin(_usual_K(one)), shows_from(one), words.kelvin(one.hot_spot_K or 0.0)
+
+
+def shows_from(one: Detectable) -> str:
+    """The smallest size that shows: "24 W/K", "factor 2.2" of a capacity, "3.1 %" of another share."""
+    smallest = one.smallest or 0.0
+    if one.unit != "1":
+        return f"{words.number(smallest)} {as_written(one.unit)}"
+    if one.candidate.cause.law == "scale":  # its logarithm is what is sought
+        return f"factor {words.digits(math.exp(smallest), 2)}"
+    return f"{words.digits(100 * smallest, 2)} %"
 
 
 def _usual_K(one: Detectable) -> float:

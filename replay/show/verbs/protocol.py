@@ -138,7 +138,7 @@ def _influence(found: Protocol) -> Iterator[str]:
         parameter = weighed.parameters[i]
         node = max(nodes, key=lambda n: weighed.per_sd_K[i, n])
         one = moved[parameter.name]
-        was, now = (f"{one[key]:.4g}" for key in ("before", "value"))
+        was, now = (words.digits(one[key], 4) for key in ("before", "value"))
         value = f"{was} -> {now} {one['unit']}" if was != now else f"{was} {one['unit']}, unchanged"
         size = f"{weighed.per_sd_K[i, node]:>6.1f} K {words.name(weighed.nodes[node])}"
         yield f"{parameter.name:<{max(width, 48)}} {size:<28} {value}".rstrip()

@@ -10,6 +10,7 @@ import rerun.blueprint as rrb
 
 from ingest.catalogue.channels import ChannelData
 from ingest.texts.plain import plain_line
+from ingest.texts.units import with_unit
 from replay.show.viewer.seen import TIMELINES, SessionSeen, of_model, path, sdk, unit
 from replay.show.words import words
 
@@ -160,7 +161,7 @@ def inputs(channels: Sequence[ChannelData]) -> Any:
         there -= {"current_d", "current_q", "torque"}
     shown = [spec for quantity in DRIVING if quantity in there for spec in own if spec.quantity == quantity]
     views = [
-        series(f"{spec.name} [{unit(spec)}]", [f"+ /{path('inputs', spec.quantity, spec.name)}"])
+        series(with_unit(spec.name, unit(spec)), [f"+ /{path('inputs', spec.quantity, spec.name)}"])
         for spec in shown[:INPUTS]
     ]
     return rrb.Horizontal(*views, name="inputs")

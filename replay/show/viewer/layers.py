@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from ingest.catalogue.channels import ChannelData
 from ingest.texts.times import clock
+from ingest.texts.units import with_unit
 from replay.engine.results.run import Run
 from replay.show.viewer import beside
 from replay.show.viewer.layer_file import LayerFile
@@ -77,7 +78,7 @@ def _measured(to: LayerFile, seen: SessionSeen) -> None:
     for channel in (channel for channel in seen.channels if channel.t_ns.size):
         beside.phases(to, channel)
         if channel.spec.quantity != "state":
-            where, says = measured_path(channel), f"{channel.spec.name} [{unit(channel.spec)}]"
+            where, says = measured_path(channel), with_unit(channel.spec.name, unit(channel.spec))
             to.line(where, says, MEASURED, WIDE, *open_holes(channel.t_ns, channel.value))
 
 
@@ -174,5 +175,5 @@ def _says(seen: SessionSeen) -> str:
     rows = "\n".join(f"- {finding(error, run.summary)}" for error in worst_first(run.summary))
     model, digest = f"Model {run.motor} {words.short(run.model)}", f"digest {words.short(run.digest)}"
     source = f"{model}, open loop; {digest}. Residual: measured minus model."
-    source += f"\n\n{words.capital(run.summary.note)}." if run.summary.note else ""
+    source += "".join(f"\n\n{words.capital(note)}." for note in (run.summary.note, seen.corrected) if note)
     return f"# {run.session_name}\n{answer([run.summary])}\n\n{rows}\n\n{source}\n"

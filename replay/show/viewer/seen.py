@@ -35,7 +35,8 @@ LAYER = {"published": "open_loop", "recalibrated": "open_loop", "extended": "ext
 class SessionSeen:
     """A session with its replays. `runs`: key of MODELS -> run, in the order of MODELS ("published" for the only one
     where no diagnosis made others); `network`: of the last of them; `says`: the answer of a diagnosis (Markdown);
-    `missing`: which of its models were not replayed, "" for none."""
+    `missing`: which of its models were not replayed; `corrected`: what the bench file took off its readings and times;
+    "" for none."""
 
     session: SessionRecorded
     channels: Sequence[ChannelData]
@@ -43,6 +44,7 @@ class SessionSeen:
     network: Network | None = None
     says: str = ""
     missing: str = ""
+    corrected: str = ""
 
     @property
     def first(self) -> Run | None:

@@ -123,7 +123,7 @@ def asked_for(summary: Summary) -> list[str]:
 
 
 def _asked(one: FoundUnknown) -> str:
-    mean, sd, low, high = (f"{value:.3g}".replace("-", "−") for value in (one.mean, one.sd, one.min, one.max))
+    mean, sd, low, high = map(words.digits, (one.mean, one.sd, one.min, one.max))
     unit, times = ("", "times ") if one.unit == "1" else (f" {one.unit}", "")
     return f"{one.id} {times}{mean}{unit} on average (sd {sd}{unit} at any time, {low} to {high}{unit})"
 

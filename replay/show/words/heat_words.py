@@ -171,5 +171,4 @@ def quantity(value: float, unit: str) -> str:
     """A number with its unit, three digits: "12.5 mΩ", "1,240 W"."""
     small, symbol = unit in ("ohm", "Wb") and abs(value) < 0.1, as_written(unit)
     number, shown = (value * 1e3, "m" + symbol) if small else (value, symbol)
-    text = f"{number:,.0f}" if abs(number) >= 100 else f"{number:.3g}"
-    return f"{text.replace('-', '−')} {shown}"
+    return f"{words.digits(number)} {shown}"

@@ -32,12 +32,14 @@ def template(name: str) -> Template:
     digest = b64encode(sha256(script.encode()).digest()).decode()
     environment.globals.update(script=Markup(script), script_hash=Markup(f"'sha256-{digest}'"))  # ours: no name in it
     environment.globals.update(light=variables(dark=False), dark=variables(dark=True))
+    environment.globals.update(less=words.less)
     environment.filters.update(
         kelvin=words.kelvin,
         unbroken=_unbroken,
         breaking=_breaking,
         meanerror=findings.mean_error,
         figures=words.figures,
+        digits=words.digits,
         signed_kelvin=words.signed_kelvin,
         where=words.where,
         nodename=words.name,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from decimal import Decimal
 from itertools import pairwise
 
 from ingest.texts.times import clock
@@ -35,6 +36,12 @@ def _figure(value: float | None, digits: int) -> str:
     return fixed if float(fixed) else f"{value:.1g}"
 
 
+def less(before: str, after: str) -> str:
+    """By how much one of two `figures` is less, in their digits: "+1.2", "−0.02"; zero has no sign."""
+    change = Decimal(before) - Decimal(after)
+    return f"{change:+f}".replace("-", "−") if change else f"{abs(change):f}"
+
+
 def became(values: Sequence[float | None]) -> str:
     """ "8.1 -> 0.7 -> 0.5"; "0.7 = 0.7" where nothing changed that could be told."""
     told = figures(values)
@@ -62,6 +69,12 @@ def fixed(value: float, digits: int = 1) -> str:
     """A number in a table, as many digits as its neighbours: "1,234.5", "−1.4"; what rounds to nothing is "0.0", what
     is not known (NaN) a dash."""
     return "–" if math.isnan(value) else f"{round(value, digits) or 0.0:,.{digits}f}".replace("-", "−")
+
+
+def digits(value: float, count: int = 3) -> str:
+    """A number of so many significant digits, whole above: "96.1", "1,240", "0.0312", "−1.4"."""
+    text = f"{value:,.0f}" if abs(value) >= 10 ** (count - 1) else f"{value:.{count}g}"
+    return text.replace("-", "−")
 
 
 def rounded(value: float) -> float:

@@ -67,6 +67,15 @@ def test_a_held_stretch_is_found_with_its_ends_and_all_but_its_first_sample_is_b
     assert [flag.says for flag in findings([found])] == ["MAG_1 holds its last value for up to 239 s, 2 times: masked"]
 
 
+@pytest.mark.parametrize("last", [1239, 3599])
+def test_the_value_that_an_open_thermocouple_jumps_to_was_not_measured(last: int) -> None:
+    value = held((1000, last))
+    value[1000 : last + 1] = 1372.0
+    (found, _) = assess([temperature(value), moving()])
+    assert [(one.first, one.last) for one in found.stretches] == [(1000, last)]
+    assert not found.good[1000 : last + 1].any() and found.good[:1000].all()
+
+
 def test_a_held_stretch_needs_another_channel_that_moves() -> None:
     data = temperature(held((1000, 1239)))
     assert stretches(data) == []

@@ -39,6 +39,13 @@ def test_what_rounds_to_nothing_has_no_sign() -> None:
     assert shares["other"] == "0.0"
 
 
+def test_the_heat_of_a_long_session_is_a_number_of_kilojoules() -> None:
+    plot = heat_balance(heated(made_run(), {"iron": 3e6, "magnet": 1e6}, {"coolant": 4e6}), 100)
+    assert plot is not None
+    energies = [row[2] for row in plot.table.rows if row[0].startswith("made")]
+    assert energies and all(re.fullmatch(r"[1-9]\d{0,2}(,\d{3})*", energy) for energy in energies), energies
+
+
 def test_ends_of_bands_are_as_high_as_their_amounts() -> None:
     plot = heat_balance(heated(made_run(), {"iron": 300.0, "magnet": 100.0}, {"coolant": 400.0}), 100)
     assert plot is not None

@@ -29,6 +29,36 @@ def test_thinning_keeps_every_extreme_and_both_ends_of_a_long_series() -> None:
     assert (np.diff(short_t) > 0).all()
 
 
+def test_a_thinned_line_begins_and_ends_where_the_series_does() -> None:
+    t = np.arange(100_000.0)
+    short_t, short_y = thin(t, np.sin(t / 50), 100)
+    assert (short_t[0], short_t[-1], short_y[0]) == (0.0, 99_999.0, 0.0)
+
+
+def test_a_table_has_a_dash_where_a_channel_has_no_sample() -> None:
+    run = made_run()
+    whole, ends = run.observed[0], run.observed[1]
+    early = {
+        name: getattr(ends, name)[:1200]
+        for name in ("t_ns", "measured", "modelled", "used", "first_record", "last_record", "raw")
+    }
+    table = over_time(
+        replace(run, observed=(replace(ends, **early), whole)), [replace(ends, **early), whole], 100
+    ).table
+    assert float(table.rows[-1][0]) == pytest.approx(40.0, abs=0.02), "as long as the one that goes on"
+    assert table.rows[-1][1:4] == ("–", "–", "–") and "–" not in table.rows[0] + table.rows[-1][4:]
+
+
+def test_a_channel_whose_name_ends_in_its_unit_has_that_once() -> None:
+    run = made_run()
+    both = [replace(run.observed[0], channel=f"TC_{i} [degC]") for i in range(2)]
+    channels = [replace(run.summary.channels[0], channel=one.channel) for one in both]
+    run = replace(run, observed=tuple(both), summary=replace(run.summary, channels=channels))
+    plot = over_time(run, both, 100)
+    assert plot.table.head[1] == "TC_0 measured [°C]"
+    assert 'data-line="TC_1 model [°C]"' in plot.svg
+
+
 def test_a_short_series_is_not_thinned() -> None:
     t, y = np.arange(10.0), np.arange(10.0)
     assert thin(t, y, 5)[0] is t

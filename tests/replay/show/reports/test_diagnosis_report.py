@@ -318,10 +318,10 @@ def test_the_table_of_the_gain_tells_trained_points_from_others() -> None:
     plot = gain_bars(NAMED)
     assert plot is not None
     assert plot.table.head[-2:] == ("fitted rms at trained points [K]", "fitted rms outside them [K]")
-    assert {row[0]: row[-2:] for row in plot.table.rows}["magnet"] == ("7.32 -> 1.08", "12.20 -> 1.80")
+    assert {row[0]: row[-2:] for row in plot.table.rows}["magnet"] == ("7.32 → 1.08", "12.20 → 1.80")
     nowhere = replace(NAMED, gain=[replace(gain, rms_outside_K=[]) for gain in NAMED.gain])
     plot = gain_bars(nowhere)
-    assert plot is not None and {row[-1] for row in plot.table.rows} == {"-"}
+    assert plot is not None and {row[-1] for row in plot.table.rows} == {"–"}
 
 
 def test_gain_bars_say_when_nothing_is_better() -> None:

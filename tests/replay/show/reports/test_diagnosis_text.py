@@ -41,7 +41,7 @@ from replay.show.reports.doubts import not_judged
 from replay.show.reports.kept_errors import change
 from replay.show.reports.sentences import answer, headline
 from replay.show.reports.two_models import paragraphs
-from replay.show.reports.verdict import Ending, active, comes_from, ending, figures, probability, size, watts
+from replay.show.reports.verdict import Ending, active, comes_from, ending, probability, size, watts
 from replay.show.words.width import ELSEWHERE
 from replay.studies.diagnosis.answer import Contradicting, Diagnosis, EvidenceParts
 from twin.diagnosis.naming import ENOUGH_SESSIONS
@@ -504,10 +504,6 @@ def test_samples_that_were_left_out_are_named_but_no_fit_is_with_them() -> None:
 @pytest.mark.parametrize(("value", "says"), [(0.97, "97 %"), (0.9999, "over 99 %"), (0.0001, "under 1 %")])
 def test_a_probability_is_never_called_certain(value: float, says: str) -> None:
     assert probability(value) == says
-
-
-def test_figures_keep_three_digits() -> None:
-    assert [figures(v) for v in (0.03124, 14.25, 310.2, 12345.0, -1.1)] == ["0.0312", "14.2", "310", "12,345", "−1.1"]
 
 
 def test_the_worst_of_several_channels_of_a_node_gives_its_place() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -136,6 +137,31 @@ def test_a_brush_shows_the_same_time_in_every_plot_of_the_session_and_the_csv_ho
     drawn = np.interp([time for time, _ in model], (np.arange(2400) + 0.5) / 60, made_run().observed[0].modelled)
     assert [value for _, value in model] == pytest.approx(drawn.tolist(), abs=0.1)
     assert ticks and all(9.9 <= tick <= 20.1 for tick in ticks)
+
+
+def test_a_brush_that_ends_beside_the_picture_goes_to_its_edge_and_another_button_begins_none(one: Path) -> None:
+    script = """
+    at(plots[0], "pointerdown", 0.5);
+    document.body.dispatchEvent(new PointerEvent("pointerup", {clientX: innerWidth - 1, clientY: 1, bubbles: true}));
+    const seen = plots[0].seen;
+    zoom(plots[0], null);
+    plots[0].svg.dispatchEvent(new PointerEvent("pointerdown", {clientX: 0, clientY: 0, button: 2, buttons: 2}));
+    at(plots[0], "pointerup", 0.9);
+    return [seen, plots[0].zoomed(), getComputedStyle(plots[0].svg).userSelect];
+    """
+    seen, zoomed, selects = in_browser(one, POINT + script)
+    assert (seen, zoomed) == (pytest.approx([20.0, 40.0], abs=0.01), False)
+    assert selects == "none", "selected text would be dragged along by the next brush"
+
+
+def test_the_csv_has_no_value_where_a_gap_of_a_line_begins(tmp_path: Path) -> None:
+    write_report([made_run(masked=(600, 1200))], tmp_path / "page.html", CONTEXT)
+    text = in_browser(
+        tmp_path / "page.html", "return csv(plots.find(plot => plot.panels[0].lines[0].name.startsWith('rotor')));"
+    )
+    rows = list(csv.reader(text.splitlines()))
+    (begins,) = [float(time) for name, time, value in rows if name == "rotor surface measured [°C]" and not value]
+    assert begins == pytest.approx(10.0, abs=0.1)
 
 
 def test_bands_and_rows_of_colours_go_along_with_the_lines_that_are_zoomed(report: Path) -> None:

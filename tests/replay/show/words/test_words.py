@@ -25,3 +25,17 @@ def test_a_number_below_zero_has_the_sign_that_pictures_have_and_zero_has_none(v
 )
 def test_a_number_of_a_table_has_its_digits_and_nothing_has_no_sign(value: float, digits: int, says: str) -> None:
     assert words.fixed(value, digits) == says
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "says"), [(7.71, 1.14, "+6.6"), (0.19, 0.207, "−0.02"), (0.5, 0.5, "0.0"), (0.3, 0.5, "−0.2")]
+)
+def test_a_difference_has_the_digits_of_what_it_is_between(before: float, after: float, says: str) -> None:
+    assert words.less(*words.figures([before, after])) == says
+
+
+@pytest.mark.parametrize(
+    ("value", "says"), [(0.03124, "0.0312"), (14.25, "14.2"), (310.2, "310"), (37_612.0, "37,612"), (-1.1, "−1.1")]
+)
+def test_a_number_of_three_digits_is_whole_above_them_and_has_no_power_of_ten(value: float, says: str) -> None:
+    assert words.digits(value) == says

@@ -1,0 +1,27 @@
+"""What `whyhot plan` prints of a size."""
+
+from __future__ import annotations
+
+import pytest
+
+from replay.show.verbs.plan import shows_from
+from twin.differences.candidates import Candidate
+from twin.differences.sizes import Sigma
+from twin.fitting import actions
+from twin.motor.causes import Cause
+from twin.planning.detectable import Detectable
+
+
+@pytest.mark.parametrize(
+    ("cause", "unit", "smallest", "says"),
+    [
+        (Cause("capacity", "winding", "scale"), "1", 0.8, "factor 2.2"),
+        (Cause("sensor", "winding", "gain"), "1", 0.031, "3.1 %"),
+        (Cause("conductance", "winding-yoke", "scale"), "W/K", 24.2, "24 W/K"),
+    ],
+)
+def test_the_smallest_size_that_shows_is_a_factor_a_share_or_has_a_unit(
+    cause: Cause, unit: str, smallest: float, says: str
+) -> None:
+    candidate = Candidate(cause, unit, Sigma(0.3), 0, actions.Capacity((0,)))
+    assert shows_from(Detectable(candidate, smallest, unit, 1.5, 1.0, ())) == says
