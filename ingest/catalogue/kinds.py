@@ -35,6 +35,7 @@ SECOND_NS = 1_000_000_000
 WLTC_MATCH = 0.90  # correlation from which a speed is the trace; an FTP-75 reaches 0.4
 WLTC_TAIL_s = 100  # of the trace's end that a log may lack
 
+NO_DRIVE = ("dc_check", "insulation_check", "ageing")  # of a session that does not run the whole motor
 EVALUATED = ("dc_check", "holds thermal resistances that were evaluated elsewhere")
 
 Array = NDArray[np.float64]

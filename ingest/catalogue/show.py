@@ -10,14 +10,16 @@ from typing import TYPE_CHECKING, Any
 from ingest.catalogue import operating_points, power, quality
 from ingest.catalogue.channels import ChannelData
 from ingest.catalogue.contradicting import contradicting
-from ingest.catalogue.decoded import taken_off
+from ingest.catalogue.decoded import decoded_file, taken_off
 from ingest.catalogue.description import ChannelDescription, Repeats, SessionDescription, SourceDescription
+from ingest.catalogue.kinds import NO_DRIVE
 from ingest.catalogue.looked import Looked, look
 from ingest.catalogue.quality import ChannelQuality
 from ingest.facts.events import COUNTS, SAME_NAME, DecodeCompleted, SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.standing import records
 from ingest.log.findings import findings
+from ingest.texts.names import first_of
 
 if TYPE_CHECKING:
     from ingest.facts.store import Store
@@ -26,7 +28,24 @@ if TYPE_CHECKING:
 def describe(store: Store, facts: Facts, session: SessionRecorded) -> SessionDescription:
     """Look through the samples of a session. Raises DamageError where they are damaged or missing."""
     found = described(facts, session, look(store, facts, session))
-    return replace(found, corrections=tuple(taken_off(store, facts, session)))
+    seen = [*found.findings, *_not_there(store, facts, session)]
+    return replace(found, findings=tuple(seen), corrections=tuple(taken_off(store, facts, session)))
+
+
+def _not_there(store: Store, facts: Facts, session: SessionRecorded) -> list[str]:
+    """The thermometers of its bench file that no log of a session holds, where nothing else measures their place
+    either. An oven and a check have logs of their own, with few of them."""
+    if session.kind in NO_DRIVE:
+        return []
+    files = [decoded_file(store, facts, facts.decodes[file["decode"]]) for file in session.files]
+    places = {place for one in files for s in one.sources for place in (s.spec.node, *s.spec.weights)}
+    stated = [channel for one in files if one.bench for channel in one.bench.channels]
+    missing = {
+        f"{one.name} ({one.node})": None
+        for one in stated
+        if one.quantity == "temperature" and one.role != "ignored" and one.needs and one.node not in {None, *places}
+    }
+    return [f"{first_of(list(missing), 3)}: in the bench file, and in none of its logs"] if missing else []
 
 
 def described(facts: Facts, session: SessionRecorded, samples: Looked) -> SessionDescription:

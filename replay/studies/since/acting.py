@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ingest.catalogue.kinds import NO_DRIVE
 from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
@@ -21,7 +22,6 @@ from twin.diagnosis.onset import Sets, from_each_on
 from twin.diagnosis.refined import Tell, calibrated
 from twin.fitting.fit import Fit
 
-NO_DRIVE = ("dc_check", "insulation_check", "ageing")  # kinds of session that do not run the whole motor
 NOT_GIVEN = "not given"
 
 

@@ -95,7 +95,7 @@ def entry(name: str, bench: bool) -> dict[str, Any]:
 def add(store: Store, name: str, start_s: int, bench: bool = True, **more: Any) -> DecodeCompleted:
     """A decoded table in the store: its products and its facts."""
     sealed = raw(name)
-    number = hashlib.sha256(f"{name}{bench}".encode()).hexdigest()
+    number, without = hashlib.sha256(f"{name}{bench}".encode()).hexdigest(), more.pop("without", ())
     folder = on_disk(store.decoded(number))
     folder.mkdir(parents=True)
     columns = [Column(COLUMNS[one][0], one, COLUMNS[one][2], COLUMNS[one][1]) for one in COLUMNS]
@@ -110,7 +110,7 @@ def add(store: Store, name: str, start_s: int, bench: bool = True, **more: Any) 
         start_ns=int(t_ns[0]),
         end_ns=int(t_ns[-1]),
         groups=[{"name": "rows", "file": "rows.parquet", "rows": rows, "columns": [c.name for c in columns]}],
-        channels=[entry(one, bench) for one in COLUMNS],
+        channels=[entry(one, bench) for one in COLUMNS if one not in without],
         **({"balance": {"found": N, "decoded": N, "unknown_id": 0, "wrong_length": 0, "rejected": 0}} | more),
     )
     store.ledger.append(f"file-{sealed.sha256}", sealed)
@@ -224,6 +224,14 @@ def test_a_sensor_without_a_value_is_to_be_looked_at_and_one_that_is_ignored_is_
     given = values()
     given["MAG_1"][:] = given["spare"][:] = np.nan
     assert show.describe(store, *one_session(store, values=given)).findings == ("MAG_1 has no value at all",)
+
+
+def test_a_thermometer_of_the_bench_file_that_no_log_holds_is_to_be_looked_at(store: Store) -> None:
+    """Before, a column that was missing on one day was compared with nothing, in silence."""
+    facts, session = one_session(store, without=("MAG_1", "spare"))
+    missing = "MAG_1 (magnet): in the bench file, and in none of its logs"
+    assert show.describe(store, facts, session).findings == (missing,)
+    assert show.describe(store, facts, replace(session, kind="dc_check")).findings == ()
 
 
 def test_the_answer_is_json(store: Store) -> None:
