@@ -17,12 +17,13 @@ SELECT
     v.t_ns,
     v.file_id,
     v.first_record,
-    v.last_record
+    v.last_record,
+    r.latest
 FROM base.residuals AS v
 JOIN base.artefacts AS a ON a.file = v.file
 JOIN runs AS r ON r.run = a.run;
 
-COMMENT ON VIEW residuals IS 'One row a step of a run and an observed channel: what was measured, and what the twin said.';
+COMMENT ON VIEW residuals IS 'One row a step of a run and an observed channel: what was measured, and what the twin said. Runs of several models stand beside each other.';
 COMMENT ON COLUMN residuals.run IS 'Id of the run';
 COMMENT ON COLUMN residuals.session IS 'Id of the session';
 COMMENT ON COLUMN residuals.session_name IS 'Name of the session';
@@ -41,3 +42,4 @@ COMMENT ON COLUMN residuals.last_record IS 'Last record of the step in that log'
 COMMENT ON COLUMN residuals.speed_rpm IS 'Mean speed in the step';
 COMMENT ON COLUMN residuals.torque_Nm IS 'Mean torque in the step';
 COMMENT ON COLUMN residuals.current_A IS 'Mean phase current in the step, rms';
+COMMENT ON COLUMN residuals.latest IS 'True for the last run of its session at its level, whichever the model';

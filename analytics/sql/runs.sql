@@ -16,7 +16,8 @@ SELECT
     r.digest,
     r.key,
     r.environment,
-    r.summary
+    r.summary,
+    row_number() OVER (PARTITION BY coalesce(r.session_now, r.session), r.level ORDER BY r.place DESC) = 1 AS latest
 FROM base.runs AS r
 LEFT JOIN base.sessions AS s ON s.session = r.session_now
 ORDER BY r.place;
@@ -39,3 +40,4 @@ COMMENT ON COLUMN runs.digest IS 'SHA-256 of its numbers';
 COMMENT ON COLUMN runs.key IS 'Everything that the run depends on, as JSON';
 COMMENT ON COLUMN runs.environment IS 'Versions and processor it was made with, as JSON';
 COMMENT ON COLUMN runs.summary IS 'The answer of `whyhot replay --json` for this run: `summary->''mae_K''->>''magnet''`';
+COMMENT ON COLUMN runs.latest IS 'True for the last run of its session at its level, whichever the model';

@@ -9,6 +9,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ import pytest
 from analytics import scans, tables, warehouse
 from analytics.errors import WarehouseError
 from ingest.errors import LedgerError
+from ingest.facts import facts
 from ingest.facts.events import SessionRecorded, SessionRegrouped
 from ingest.facts.sessions import Override
 from ingest.facts.store import Store
@@ -167,6 +169,17 @@ def test_a_run_of_a_regrouped_session_is_found_under_the_new_one(store: Store, n
     store.ledger.append("session-1_s1-id", SessionRegrouped(session="1_s1-id", into="1_joined-id", why="a file came"))
     assert ask(store, "SELECT session, session_name FROM runs") == [("1_joined-id", "1_joined")]
     assert ask(store, "SELECT DISTINCT session_name FROM residuals") == [("1_joined",)]
+
+
+def test_a_second_model_of_a_session_is_told_from_the_last(store: Store) -> None:
+    """Before, a mean over the residuals of a session mixed all models that it was replayed with."""
+    first = facts.at(store.ledger).runs["r1"]
+    store.ledger.append("run-r2", replace(first, run="r2", model="n" * 64))
+    store.ledger.append("run-r3", replace(first, run="r3", level="production"))
+    assert ask(store, "SELECT run FROM runs WHERE latest ORDER BY ALL") == [("r2",), ("r3",)]
+    for view in ("residuals", "temperatures"):
+        assert ask(store, f"SELECT DISTINCT run FROM {view} WHERE latest ORDER BY ALL") == [("r2",), ("r3",)]
+        assert ask(store, f"SELECT DISTINCT run FROM {view} WHERE NOT latest") == [("r1",)]
 
 
 def test_residuals_have_null_where_the_run_has_no_such_column_or_number(shared_store: Store) -> None:

@@ -6,6 +6,6 @@ SELECT
     avg(abs(residual_K)) AS mae_K,
     count(*) AS steps
 FROM residuals
-WHERE used
+WHERE used AND latest
 GROUP BY ALL
 ORDER BY mae_K DESC;
