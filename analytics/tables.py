@@ -148,10 +148,12 @@ def _region(channel: Mapping[str, Any]) -> str | None:
 def _runs(facts: Facts, recorded: Iterable[Recorded]) -> Rows:
     when = {one.event.run: one.recorded for one in recorded if isinstance(one.event, ReplayCompleted)}
     names = ("run", "session", "motor", "model", "level", "bench", "digest")
+    models: dict[str | None, str] = {one.session: facts.current(one.model) for one in facts.sessions if one.model}
     return [
         {name: getattr(run, name) for name in names}
         | {name: _json(getattr(run, name)) for name in ("key", "environment", "summary")}
-        | {"session_now": _session_now(facts, run.session), "recorded": when.get(run.run), "place": place}
+        | {"session_now": (now := _session_now(facts, run.session)), "recorded": when.get(run.run), "place": place}
+        | {"current_model": run.model == models.get(now)}
         for place, run in enumerate(facts.runs.values())
     ]
 

@@ -18,7 +18,7 @@ SELECT
     v.file_id,
     v.first_record,
     v.last_record,
-    r.latest
+    r.is_current
 FROM base.residuals AS v
 JOIN base.artefacts AS a ON a.file = v.file
 JOIN runs AS r ON r.run = a.run;
@@ -42,4 +42,4 @@ COMMENT ON COLUMN residuals.last_record IS 'Last record of the step in that log'
 COMMENT ON COLUMN residuals.speed_rpm IS 'Mean speed in the step';
 COMMENT ON COLUMN residuals.torque_Nm IS 'Mean torque in the step';
 COMMENT ON COLUMN residuals.current_A IS 'Mean phase current in the step, rms';
-COMMENT ON COLUMN residuals.latest IS 'True for the last run of its session at its level, whichever the model';
+COMMENT ON COLUMN residuals.is_current IS 'True for the run that a report shows: the last of its session with the motor file that is current for it, else with any';

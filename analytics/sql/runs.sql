@@ -17,7 +17,9 @@ SELECT
     r.key,
     r.environment,
     r.summary,
-    row_number() OVER (PARTITION BY coalesce(r.session_now, r.session), r.level ORDER BY r.place DESC) = 1 AS latest
+    row_number() OVER (
+        PARTITION BY coalesce(r.session_now, r.session) ORDER BY r.current_model DESC, r.place DESC
+    ) = 1 AS is_current
 FROM base.runs AS r
 LEFT JOIN base.sessions AS s ON s.session = r.session_now
 ORDER BY r.place;
@@ -40,4 +42,4 @@ COMMENT ON COLUMN runs.digest IS 'SHA-256 of its numbers';
 COMMENT ON COLUMN runs.key IS 'Everything that the run depends on, as JSON';
 COMMENT ON COLUMN runs.environment IS 'Versions and processor it was made with, as JSON';
 COMMENT ON COLUMN runs.summary IS 'The answer of `whyhot replay --json` for this run: `summary->''mae_K''->>''magnet''`';
-COMMENT ON COLUMN runs.latest IS 'True for the last run of its session at its level, whichever the model';
+COMMENT ON COLUMN runs.is_current IS 'True for the run that a report shows: the last of its session with the motor file that is current for it, else with any';

@@ -40,10 +40,11 @@ CREATE TABLE base.channels (
     unit VARCHAR, node VARCHAR, region VARCHAR, role VARCHAR, derived BOOLEAN
 );
 
--- `session_now`: the current session that the replayed one is, or became part of.
+-- `session_now`: the current session that the replayed one is, or became part of; `current_model`: whether the motor file
+-- is the one that is current for it.
 CREATE TABLE base.runs (
     run VARCHAR, place BIGINT, session VARCHAR, session_now VARCHAR, motor VARCHAR, model VARCHAR, level VARCHAR,
-    bench VARCHAR, digest VARCHAR, recorded VARCHAR, key JSON, environment JSON, summary JSON
+    bench VARCHAR, digest VARCHAR, recorded VARCHAR, key JSON, environment JSON, summary JSON, current_model BOOLEAN
 );
 
 -- `again`: what brings the file back where it is missing.

@@ -16,8 +16,8 @@ from analytics import query, warehouse
 from ingest.facts import facts
 from ingest.facts.move_files import HERE, move_files
 from ingest.facts.store import Store
-from ingest.facts.store_check import damage
 from made.bucket import KEYS, bucket_server
+from made.lines_of_damage import damage
 from replay.engine.runs.campaign import replay_sessions
 
 T = TypeVar("T")

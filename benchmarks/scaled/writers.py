@@ -17,9 +17,9 @@ from ingest.facts.events import DecodeCompleted, RawFileSealed
 from ingest.facts.move import move
 from ingest.facts.sessions import Override
 from ingest.facts.store import Store
-from ingest.facts.store_check import damage
 from ingest.intake.intake import take_in
 from ingest.intake.setup import MotorFile, prepare
+from made.lines_of_damage import damage
 from made.postgres import PostgresServer, postgres, why_none
 from made.tables import ONE_CHANNEL
 

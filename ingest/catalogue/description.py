@@ -79,9 +79,7 @@ class SessionDescription:
     power: PowerBalance | None
     operating_points: OperatingPoints | None
     findings: tuple[str, ...]  # what a person should look at, one line each
-    corrections: tuple[
-        str, ...
-    ] = ()  # what the bench file says is wrong and is taken off here, in replays and pictures
+    corrections: tuple[str, ...] = ()  # what the bench file says is wrong: taken off here, in replays and pictures
 
     def to_json(self) -> dict[str, Any]:
         """The answer of `show --json` (schema `whyhot.show/1`)."""

@@ -113,6 +113,13 @@ class Facts:
         """The replays of a session, the latest last."""
         return [one for one in self.runs.values() if one.session == session.session]
 
+    def current_run(self, session: SessionRecorded) -> ReplayCompleted | None:
+        """The last run of a session with the motor file that is current for it; with any, where there is none of
+        that."""
+        model = self.current(session.model) if session.model else None
+        runs = self.runs_of(session)[::-1]
+        return next((one for one in runs if one.model == model), next(iter(runs), None))
+
     def holding(self, raws: Collection[str]) -> list[SessionRecorded]:
         """The sessions with records of these logs, in order."""
         return [one for one in self.sessions if any(file["raw"] in raws for file in one.files)]

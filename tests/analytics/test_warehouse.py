@@ -171,15 +171,21 @@ def test_a_run_of_a_regrouped_session_is_found_under_the_new_one(store: Store, n
     assert ask(store, "SELECT DISTINCT session_name FROM residuals") == [("1_joined",)]
 
 
-def test_a_second_model_of_a_session_is_told_from_the_last(store: Store) -> None:
+def test_of_several_models_of_a_session_the_run_that_a_report_shows_is_told(store: Store) -> None:
     """Before, a mean over the residuals of a session mixed all models that it was replayed with."""
-    first = facts.at(store.ledger).runs["r1"]
-    store.ledger.append("run-r2", replace(first, run="r2", model="n" * 64))
-    store.ledger.append("run-r3", replace(first, run="r3", level="production"))
-    assert ask(store, "SELECT run FROM runs WHERE latest ORDER BY ALL") == [("r2",), ("r3",)]
-    for view in ("residuals", "temperatures"):
-        assert ask(store, f"SELECT DISTINCT run FROM {view} WHERE latest ORDER BY ALL") == [("r2",), ("r3",)]
-        assert ask(store, f"SELECT DISTINCT run FROM {view} WHERE NOT latest") == [("r1",)]
+    known = facts.at(store.ledger)
+    (session,) = (one for one in known.sessions if one.session == "1_s1-id")
+    first = known.runs["r1"]
+    for run, model in (("r2", "n"), ("r3", "m")):
+        store.ledger.append(f"run-{run}", replace(first, run=run, model=model * 64))
+
+    def current(view: str) -> set[str]:
+        return {run for (run,) in ask(store, f"SELECT DISTINCT run FROM {view} WHERE is_current")}
+
+    assert current("runs") == current("residuals") == current("temperatures") == {"r3"}
+    store.ledger.append(f"session-{session.session}", replace(session, model="n" * 64))
+    shown = facts.at(store.ledger).current_run(replace(session, model="n" * 64))
+    assert shown is not None and {shown.run} == current("runs") == {"r2"}
 
 
 def test_residuals_have_null_where_the_run_has_no_such_column_or_number(shared_store: Store) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ingest.facts.ledger import Head
+from ingest.facts.chain import Head
 from ingest.facts.store import Store
 from ingest.facts.store_check import check
 

@@ -6,6 +6,6 @@ SELECT
     avg(abs(residual_K)) AS mae_K,
     count(*) AS steps
 FROM residuals
-WHERE used AND latest
+WHERE used AND is_current
 GROUP BY ALL
 ORDER BY mae_K DESC;

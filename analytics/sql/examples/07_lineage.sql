@@ -1,6 +1,6 @@
 -- From the worst residual to the raw log: its samples, the file, and the record in it
 WITH worst AS (
-    FROM residuals WHERE used AND latest ORDER BY abs(residual_K) DESC LIMIT 1
+    FROM residuals WHERE used AND is_current ORDER BY abs(residual_K) DESC LIMIT 1
 )
 SELECT w.node, w.t_s AS step_s, w.residual_K, s.channel, s.t_s, s.value, s.unit, f.name, s.record, s.file_id
 FROM worst AS w

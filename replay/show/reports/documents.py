@@ -177,14 +177,8 @@ def latest_run(facts: Facts, session: SessionRecorded, model: str | None = None)
     return next((event for event in reversed(facts.runs_of(session)) if model in (None, event.model)), None)
 
 
-def current_run(facts: Facts, session: SessionRecorded) -> ReplayCompleted | None:
-    """The last run of a session with the motor file that is current for it; with any, where there is none of that."""
-    current = facts.current(session.model) if session.model else None
-    return latest_run(facts, session, current) or latest_run(facts, session)
-
-
 def _run_of(facts: Facts, session: SessionRecorded, model: str | None) -> ReplayCompleted:
-    event = latest_run(facts, session, model) if model else current_run(facts, session)
+    event = latest_run(facts, session, model) if model else facts.current_run(session)
     if event is None:
         raise ReplayDataError(f"session {session.name} was not replayed{_with(facts, model, session.name)}")
     return event

@@ -10,7 +10,7 @@ from ingest.facts.store import Store
 from replay.engine.results.summary import Summary, read
 from replay.show.reports import sentences
 from replay.show.reports.diagnosis_text import diagnosis_name
-from replay.show.reports.documents import context, current_run, last_assessment
+from replay.show.reports.documents import context, last_assessment
 from replay.show.reports.report import moment
 from replay.show.reports.site import Course
 from replay.show.reports.site_pages import AGEING, COMMAND, diagnosis_path, session_path
@@ -88,7 +88,7 @@ def _answer(sessions: Sequence[SessionRow], diagnoses: int, found: Assessment | 
 
 def _sessions(facts: Facts, pages: Mapping[str, Course], scale: float) -> Iterator[SessionRow]:
     for session in facts.sessions:
-        last, path = current_run(facts, session), session_path(session.session)
+        last, path = facts.current_run(session), session_path(session.session)
         summary = read(last.summary) if last else None
         course = pages.get(path, ())
         yield SessionRow(

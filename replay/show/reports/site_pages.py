@@ -20,7 +20,7 @@ from replay.engine.results.sealed import load_run
 from replay.engine.runs.sources import code_of
 from replay.show.plots.residual_strip import column_means
 from replay.show.reports.ageing_report import write_ageing_report
-from replay.show.reports.documents import context, corrected, current_run, last_assessment, write_sealed_diagnosis
+from replay.show.reports.documents import context, corrected, last_assessment, write_sealed_diagnosis
 from replay.show.reports.report import write_report
 from replay.show.reports.site import Course, PageWanted
 from replay.studies.diagnosis.accept import sealed_diagnosis
@@ -47,7 +47,7 @@ def wanted(store: Store, facts: Facts) -> dict[str, PageWanted]:
 
 def _pages(store: Store, facts: Facts) -> Iterator[tuple[str, PageWanted]]:
     for session in facts.sessions:
-        if last := current_run(facts, session):
+        if last := facts.current_run(session):
             write = partial(_replay, store, facts, last)
             yield session_path(session.session), PageWanted(_key(last.run, session.name, session.kind), write)
     for event in facts.diagnoses.values():
