@@ -127,12 +127,15 @@ def decoded_file(store: Store, facts: Facts, decode: DecodeCompleted) -> Decoded
     return DecodedFile(decode, store.decoded(decode.decode), facts.files[decode.raw].name, bench, sources)
 
 
-def taken_off(store: Store, facts: Facts, session: SessionRecorded, bench: str | None = None) -> list[str]:
-    """What a bench file says is wrong with the logs of a session, and all that computes takes off, each in words.
-    `bench`: SHA-256 of its version, None for the current one. Raises DamageError."""
+def files_of(store: Store, facts: Facts, session: SessionRecorded, bench: str | None = None) -> list[DecodedFile]:
+    """The decodes of a session. `bench`: SHA-256 of the version of their bench file that counts, None for the current
+    one. Raises DamageError."""
     files = [decoded_file(store, facts, facts.decodes[file["decode"]]) for file in session.files]
-    if bench:
-        files = [replace(one, bench=_read_at(store, facts, bench, one.decode)) for one in files]
+    return [replace(one, bench=_read_at(store, facts, bench, one.decode)) for one in files] if bench else files
+
+
+def taken_off(files: Sequence[DecodedFile]) -> list[str]:
+    """What a bench file says is wrong with logs, and all that computes takes off, each in words."""
     return list(dict.fromkeys(correction.says for one in files for correction in one.corrections))
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from ingest.catalogue import operating_points, power, quality
 from ingest.catalogue.channels import ChannelData
 from ingest.catalogue.contradicting import contradicting
-from ingest.catalogue.decoded import decoded_file, taken_off
+from ingest.catalogue.decoded import DecodedFile, files_of, taken_off
 from ingest.catalogue.description import ChannelDescription, Repeats, SessionDescription, SourceDescription
 from ingest.catalogue.kinds import NO_DRIVE
 from ingest.catalogue.looked import Looked, look
@@ -28,16 +28,14 @@ if TYPE_CHECKING:
 def describe(store: Store, facts: Facts, session: SessionRecorded) -> SessionDescription:
     """Look through the samples of a session. Raises DamageError where they are damaged or missing."""
     found = described(facts, session, look(store, facts, session))
-    seen = [*found.findings, *_not_there(store, facts, session)]
-    return replace(found, findings=tuple(seen), corrections=tuple(taken_off(store, facts, session)))
+    files = files_of(store, facts, session)
+    missing = [] if session.kind in NO_DRIVE else _not_there(files)  # those have logs of their own, with few sensors
+    return replace(found, findings=(*found.findings, *missing), corrections=tuple(taken_off(files)))
 
 
-def _not_there(store: Store, facts: Facts, session: SessionRecorded) -> list[str]:
-    """The thermometers of its bench file that no log of a session holds, where nothing else measures their place
-    either. An oven and a check have logs of their own, with few of them."""
-    if session.kind in NO_DRIVE:
-        return []
-    files = [decoded_file(store, facts, facts.decodes[file["decode"]]) for file in session.files]
+def _not_there(files: Sequence[DecodedFile]) -> list[str]:
+    """The thermometers of a session's bench file that none of its logs holds, where nothing else measures their
+    place."""
     places = {place for one in files for s in one.sources for place in (s.spec.node, *s.spec.weights)}
     stated = [channel for one in files if one.bench for channel in one.bench.channels]
     missing = {

@@ -9,7 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from ingest.catalogue.channels import load
-from ingest.catalogue.decoded import taken_off
+from ingest.catalogue.decoded import files_of, taken_off
 from ingest.facts.events import ReplayCompleted, SessionRecorded
 from ingest.facts.facts import Facts, at
 from ingest.facts.store import Store
@@ -55,7 +55,7 @@ def write_replay_report(
 
 def corrected(store: Store, facts: Facts, event: ReplayCompleted) -> str:
     """What its bench file took off the readings and times of a run, as a sentence; "" for nothing."""
-    off = taken_off(store, facts, facts.session(event.session), event.bench)
+    off = taken_off(files_of(store, facts, facts.session(event.session), event.bench))
     return f"readings and times are corrected, as the bench file says: {', '.join(off)}" if off else ""
 
 
