@@ -90,7 +90,8 @@ def _beside(
     shared: Sequence[tuple[str, str, str]],
     columns: Sequence[str],
 ) -> None:
-    """Add what the second of two files says beside the first, with median intervals; `columns`: all of the second."""
+    """Add what the second of two files says beside the first, with the median interval of each; `columns`: all of the
+    second."""
     counts, file = files
     a, b = _has(schemas[counts], "a"), _has(schemas[file], "b")
     too = {other: a[one] for _, one, other in shared if one in a and other in b}

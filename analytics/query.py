@@ -2,8 +2,9 @@
 
 Two walls stand around a question. The connection itself can reach nothing but the store's Parquet files
 (`warehouse.confine`). And the question is parsed first: only what reads is passed on, and of functions that make a
-table only those in `TABLE_FUNCTIONS`, because DuckDB has some that write files or take raw pointers. The parse tree is
-looked at, not only the kind of the statement: from 2.0 on, `WITH x AS (COPY ... TO ...) SELECT` counts as a SELECT.
+table only those in `TABLE_FUNCTIONS`, because DuckDB has some that write files or take raw pointers. The parse tree
+is looked at, not only the kind of the statement: from 2.0 on, `WITH x AS (COPY ... TO ...) SELECT` counts as a
+SELECT.
 """
 
 from __future__ import annotations

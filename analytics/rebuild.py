@@ -29,7 +29,8 @@ class Rebuilt:
 
 
 def rebuild(store: Store, redecode: Callable[[Store, Facts], Collection[str]], verify: bool = False) -> Rebuilt:
-    """Make decoded/ (by `redecode`, which returns its decodes) and the warehouse again, from ledger and archive alone.
+    """Make decoded/ (by `redecode`, which returns the decodes that it made) and the warehouse again, from ledger and
+    archive alone.
 
     With `verify` every product is compared with the SHA-256 that its event names, and every view with what it held
     before, where that could still be read. Raises what `redecode` and `warehouse.refresh` raise.

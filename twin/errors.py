@@ -56,7 +56,8 @@ class FeatureError(NetworkError):
 
 
 class LinkError(NetworkError):
-    """A link from a node to itself or between boundaries, a link or source without terms, a circuit without nodes."""
+    """A link from a node to itself or between two boundaries, a link or source without terms, a circuit without
+    nodes."""
 
 
 class FactorError(NetworkError):

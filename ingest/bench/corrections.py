@@ -144,7 +144,8 @@ def logger_lag_s(corrections: Iterable[Correction], bus: str) -> float:
 
 
 def true_values(value: Array, steps: Iterable[Correction], beside: Surroundings) -> Array:
-    """Values (N,) in the stored unit less what `steps` say is wrong; what needs something unknown stays in."""
+    """Values (N,) in the stored unit without what `steps` say is wrong with them. What needs something that the session
+    does not know stays in."""
     for one in steps:
         rule = one.rule
         if rule.off is not None and (not rule.needs or rule.needs in beside.known):

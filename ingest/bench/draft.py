@@ -78,7 +78,8 @@ def draft_bench(
 ) -> str:
     """The text of a bench file that reads and resolves against `signals`; `name` of the logs, for its first comment.
 
-    `at_once`: signals that are recorded together, by logger; of others, two of a quantity are no rivals. Left out: all.
+    `at_once`: signals that are recorded together, by logger; of others, two of a quantity are no rivals. Without it all
+    are.
 
     `settings`: `untimed`, why a log has no time: `[time]` is there to be filled in, or names the column of `days`; of
     one `format` alone, where logs of others have theirs; `absolute`, whether a log has dates;

@@ -1,4 +1,5 @@
-"""The channels of a bench file for one log: each with its signals, its conversion and every default filled in."""
+"""The channels of a bench file for one log: each with its signals, its conversion to the stored unit, and every default
+filled in."""
 
 from __future__ import annotations
 
@@ -103,7 +104,8 @@ def valued(bench: Bench) -> list[ResolvedChannel]:
 
 
 def observing(bench: Bench, boundaries: Collection[str], regions: Mapping[str, str]) -> list[ResolvedChannel]:
-    """The channels of `bench` that observe the motor, as before there is any log; arguments as of `resolve`."""
+    """The channels of `bench` that observe the motor, as they hold before there is any log; arguments as of
+    `resolve`."""
     measured = (channel for channel in bench.channels if channel.quantity and channel.value is None)
     found = [_filled(channel, (Signal(channel.name),), channel.name, boundaries, regions) for channel in measured]
     return [channel for channel in found if channel.role == "observed"]

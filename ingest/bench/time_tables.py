@@ -50,7 +50,8 @@ def _logger(table: TomlTable, elsewhere: Mapping[str, str], untimed: bool) -> Lo
 
 
 def read_time(table: TomlTable | None, beside: Sequence[str], elsewhere: Mapping[str, str], untimed: bool) -> TimeSpec:
-    """What `[time]`, a format or a logger says; keys `beside` it are others'. Raises TomlError, BenchFileError."""
+    """What `[time]`, that of one format or a logger says; keys `beside` it are read by others. Raises TomlError,
+    BenchFileError."""
     if table is None:
         return TimeSpec(untimed=untimed)
     table.only((*TIME_KEYS, *beside), elsewhere)

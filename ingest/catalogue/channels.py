@@ -37,7 +37,8 @@ _Beside = Mapping[str, Callable[[NDArray[np.int64]], Array]]  # what is known be
 
 @dataclass(frozen=True, eq=False)
 class ChannelData:
-    """The samples (N,) of a session's channel that count, over its files, in the order of time, corrected."""
+    """The samples (N,) of a channel of a session that count, over its files, in the order of time; stamps and values
+    corrected."""
 
     spec: ResolvedChannel
     t_ns: NDArray[np.int64]

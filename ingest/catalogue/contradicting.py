@@ -1,4 +1,5 @@
-"""Logs of one session that say other things of one channel at once: two motors, two tests, or a clock far off."""
+"""Logs of one session that say other things of one channel at the same time: two motors, two tests, or a clock that is
+far off."""
 
 from __future__ import annotations
 
@@ -21,7 +22,8 @@ NAMED = 3  # channels; more are counted
 
 
 def contradicting(channels: Sequence[ChannelData], name_of: Callable[[str], str]) -> list[QualityFlagged]:
-    """A flag for every two logs whose channels hold other values at one time. `name_of`: SHA-256 -> the log's name."""
+    """One flag for every two logs with channels that both hold at the same time, with other values. `name_of`: SHA-256
+    -> the log's name."""
     apart: defaultdict[tuple[str, str], list[tuple[ChannelData, float, float]]] = defaultdict(list)
     for channel in channels:
         if channel.spec.role != "ignored":

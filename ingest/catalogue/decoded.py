@@ -87,7 +87,8 @@ class DecodedFile:
 
     @cached_property
     def clocks(self) -> dict[str, str]:
-        """Group -> what stamps it: the logger of the bench file, else its bus, or the table itself if it names none."""
+        """Group -> what stamps it: the logger that the bench file knows, else its bus, or the table itself where it
+        names none."""
         if self.bench and (logger := self.bench.logger_of(self.log)):
             return {group["name"]: logger.name for group in self.decode.groups}
         buses = {entry["group"]: entry["signal"]["bus"] for entry in self.decode.channels if entry["signal"]}

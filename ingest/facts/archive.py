@@ -83,7 +83,8 @@ class Archive:
         return sha256
 
     def read(self, sha256: str) -> bytes:
-        """The sealed bytes, hashed again. Raises DamageError where they are missing, unreadable or others."""
+        """The sealed bytes, hashed again. Raises DamageError where they are missing, cannot be read or are not what
+        was sealed."""
         with self._opened(sha256) as file:
             data = file.read()
         if hashlib.sha256(data).hexdigest() != sha256:

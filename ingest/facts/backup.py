@@ -34,8 +34,9 @@ class Amount(NamedTuple):
 
 @dataclass(frozen=True)
 class Copied:
-    """`copied` now and `there` already; `head`: what the copy holds now; `left`: a line for each sealed file that the
-    source has damaged or not at all; `swept`: what was removed from the copy, of logs that were forgotten."""
+    """`copied` now and `there` already; `head`: what the copy holds now; `left`: a line for each sealed file that could
+    not be copied, because the source has it damaged or not at all; `swept`: what was removed from the copy, of
+    logs that were forgotten."""
 
     copied: Amount
     there: Amount

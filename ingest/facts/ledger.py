@@ -370,6 +370,7 @@ def _refuse_unknown(as_of: str | int, moment: str, recorded: Sequence[Recorded])
 
 
 def _stamp(after: str) -> str:
-    """Now, but at least 1 us after `after`, whatever the clock says, so that a time is one position."""
+    """Now, but at least 1 us after `after` even where the clock was set back, or another machine's is ahead, so that a
+    time is one position."""
     now = utc_text(datetime.now(UTC))
     return max(now, utc_text(datetime.fromisoformat(after) + timedelta(microseconds=1))) if after else now

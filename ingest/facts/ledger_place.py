@@ -62,7 +62,8 @@ class LedgerPlace(ABC):
 
     @abstractmethod
     def insert(self, rows: Sequence[StoredEvent], after: int) -> Sequence[int] | None:
-        """Store `rows`, all or none, behind position `after`; their positions, None where others are there by now."""
+        """Store `rows`, all or none, behind position `after`, and return their positions; None where others are there
+        by now."""
 
     @abstractmethod
     def refusal(self, error: Exception) -> LedgerError:

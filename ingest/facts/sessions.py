@@ -1,9 +1,10 @@
 """Sessions: which files are one test. A pure function of facts, so that any order of arrival gives the same sessions.
 
 Files of one bench file and specimen with absolute time, that overlap or follow each other within `join_gap_s`, are one
-session; a file without absolute time is one by itself, and so is a file without a bench file. A table with
-`specimen_column` holds one session for each run of rows of one specimen; where each row is a check (`Bench.of_checks`)
-one for each specimen, wherever its rows stand. A file that holds nothing readable belongs to no session.
+session; a file without absolute time is one by itself, and so is a file without a bench file: nothing says then what it
+belongs to. A table with `specimen_column` holds one session for each run of rows of one specimen; where each row is a
+check (`Bench.of_checks`) one for each specimen, wherever its rows stand. A file that holds nothing readable belongs to
+no session.
 """
 
 from __future__ import annotations
@@ -129,9 +130,10 @@ def group(
 ) -> list[SessionRecorded]:
     """All sessions of these decodes, in the order of `order`.
 
-    `decodes` in the order in which they were given: of several versions of bench and motor file the last is the current
-    one. `benches`: SHA-256 -> bench file; `names`: raw SHA-256 -> file name; `overrides`: raw SHA-256 -> what was said
-    for that file; `gone`: records that were taken back. `kind` is "" where neither says one: the data is to tell.
+    `decodes` are in the order in which they were given: of several versions of bench and motor file the last is the
+    current one. `benches`: SHA-256 -> bench file; `names`: raw SHA-256 -> file name; `overrides`: raw SHA-256 -> what
+    was said for that file; `gone`: records that were taken back. `kind` is "" where neither says one: the data is to
+    tell.
     """
     overrides = overrides or {}
     versions, place = _versions(decodes), {decode.decode: k for k, decode in enumerate(decodes)}
@@ -343,7 +345,8 @@ class _Heirs:
         return self._now[max(found, key=lambda place: (found[place], -place))] if found else None
 
     def _with(self, file: Mapping[str, Any]) -> set[int]:
-        """The session with records of a file: of several the one whose run its first record falls into."""
+        """The sessions with records of a file: where several have some, the one whose run its first record falls
+        into."""
         places = self._places.get(file["raw"], set())
         if len(places) < 2:
             return places

@@ -102,7 +102,8 @@ def standing(recorded: Iterable[Recorded]) -> Standing:
 
 
 def without_forgotten(recorded: Iterable[Recorded]) -> Standing:
-    """What would count had nothing been taken back but forgotten logs: what is left out never counts again."""
+    """What would count had nothing been taken back but the logs that were forgotten: what is left out never counts
+    again."""
     events = list(recorded)
     return _without(events, {stream: one for stream, one in _retractions(events).items() if one.forgotten})
 

@@ -59,7 +59,8 @@ def _matched(line: str, delimiter: str) -> re.Match[str] | None:
 
 
 def _said(dialect: Dialect) -> Iterator[tuple[str, str]]:
-    """(stamp, line) of the lines above the header that say a start; two may say date and time together."""
+    """(stamp, line) of the lines above the header that say a start: of two, the date in one and the time in the other,
+    both together."""
     matched = (_matched(line, dialect.delimiter) for line in dialect.lines_above)
     said = {found["stamp"]: found[0] for found in matched if found}
     yield from said.items()

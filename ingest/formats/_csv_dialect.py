@@ -172,7 +172,8 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
 
 
 def _unit_in(name: str) -> str | None:
-    """The unit in the brackets of a name: "degC" of `T [degC]`, and "°C" of `T (°C) [TC01]`."""
+    """The unit in brackets at the end of a name: "degC" of `T [degC]`, and "°C" of `T (°C) [TC01]`, where another thing
+    stands there."""
     found = UNIT_IN_NAME.search(name)
     if found is None:
         return None
@@ -214,7 +215,8 @@ def _heads_units(row: Sequence[str]) -> bool:
 
 
 def no_table_of(lines: Sequence[str], log: str) -> str | None:
-    """Why the first lines of a text, but blank ones, are no header and rows of numbers; None where they are."""
+    """Why the first lines of a text, blank ones left out, are no header and rows that hold numbers; None where they
+    are."""
     try:
         return None if True in recognise_dialect(lines, log).numeric else "no column of it holds numbers."
     except UnreadableLogError as error:

@@ -73,7 +73,8 @@ EXPONENT = r"(?:[eE][+-]?[0-9]+)?"
 
 
 def is_missing(cell: str) -> bool:
-    """Whether a cell without blanks around says that there is no number: a sign for "missing", or a bound alone."""
+    """Whether a cell, without blanks around it, says that there is no number: by a sign for "missing", or by a bound
+    alone."""
     return cell in MISSING or BEYOND.fullmatch(cell) is not None
 
 
@@ -88,7 +89,8 @@ class Numerals:
     group: str = ""
 
     def value(self, cell: str) -> float | None:
-        """The number in `cell`; NaN for a sign of "missing" or "beyond a range"; None for text or what is too large."""
+        """The number in `cell`; NaN where it is a sign for "missing", or says that it is beyond a range; None where it
+        is text or too large."""
         cell = cell.strip()
         if is_missing(cell):
             return float("nan")

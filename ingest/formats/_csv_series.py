@@ -55,7 +55,8 @@ class TimedColumns:
 
 
 def series_of(time: TimeSpec, clock: Clock, dialect: Dialect, name: str) -> list[TimedColumns]:
-    """The series of a table that `clock` was found for: one for each of its columns of times, if these tell several."""
+    """The series of a table that `clock` was found for: one for each of its columns of times, if these do not all tell
+    the same."""
     times = _columns_of_times(clock, dialect)
     clocks = _clocks(time, clock, dialect, times)
     if not clocks:

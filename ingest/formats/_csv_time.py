@@ -360,7 +360,8 @@ def _of_dates(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
 
 
 def _of_day(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
-    """The clock of a column of times of day, or of what is left of them within the hour, which nothing dates."""
+    """The clock of a column of times of day, with or without seconds, or of what is left of them within the hour, which
+    nothing dates."""
     said, start, either = dialect.said(column), time.start_ns, ""
     kind = _kind_of_day(time.format, column, said, in_digits(column, dialect))
     if kind is None and said and seconds_of_minutes(said[0]) >= OfHour.turn_s:  # what counts begins below an hour
@@ -381,7 +382,8 @@ def _of_its_day_s(start_ns: int, zone: ZoneInfo) -> float:
 
 
 def _is_near(first_s: float, begins_s: float) -> bool:
-    """Whether a first row says the time of day of a start, and not what went by: hardly an hour in a first row."""
+    """Whether a first row says the time of day of a start, and not what went by since: what has gone by for an hour is
+    hardly a first row."""
     return abs(first_s - begins_s) <= (60.0 if first_s < 3600.0 else 3600.0)
 
 

@@ -58,7 +58,8 @@ def unit_of_time(text: str | None) -> str | None:
 
 
 def digits_of(name: str) -> int:
-    """Digits of a second's part in a column of this name: 3 of `ms` and `Time(ms)`, 6 of `us`, 9 of `ns`, else 0."""
+    """Of the part of the second that a column with this name holds: 3 of `ms` and `Time(ms)`, 6 of `us`, 9 of `ns`; 0
+    of others."""
     base, unit = base_and_unit(name)
     said = unit if (base in TIME_NAMES or base.endswith("stamp")) and unit else name
     return DIGITS.get(UNITS_NS.get(said.casefold(), 0.0), 0)
@@ -96,7 +97,8 @@ def is_date_name(name: str) -> bool:
 
 
 def zone_in_name(name: str) -> str | None:
-    """The zone at the end of a stamp column's name: "UTC+1" of `Time (UTC+1)`, "Europe/Berlin", "CET"; else None."""
+    """The zone that the name of a column of stamps ends in: "UTC+1" of `Time (UTC+1)`, "Europe/Berlin", "CET"; None
+    where it ends in none."""
     found = ZONE_IN_NAME.search(name)
     return found["zone"].replace(" ", "") if found else None
 
@@ -108,7 +110,8 @@ def is_zone_name(name: str) -> bool:
 
 
 def base_and_unit(name: str) -> tuple[str, str | None]:
-    """A column's name and unit: ("time", "s") of `Time [s]`, `time_s`, `Time in s`; ("time", None) of `time_utc`."""
+    """The name of a column and the unit in it: ("time", "s") of `Time [s]`, `time_s` and `Time in s`; `time_utc` is
+    called ("time", None)."""
     said = [word for word in words(name) if word not in ("in", "utc", "ole2")]
     if "".join(said) in COUNTERS:
         return COUNTERS["".join(said)]

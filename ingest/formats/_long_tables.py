@@ -131,7 +131,8 @@ class LongTable:
 
 
 def recognise_long(dialect: Dialect, clock: Sequence[str], t_ns: NDArray[np.int64]) -> LongTable | None:
-    """The long table that the first rows show, with stamps (N,); else None. `clock`: the columns that hold the time."""
+    """The long table that the first rows show, with their stamps (N,); None where it is none. `clock`: the columns that
+    hold the time."""
     sample = dict(zip(dialect.names, zip(*dialect.sample, strict=True), strict=True)) if dialect.sample else {}
     kinds = dict(zip(dialect.names, dialect.numeric, strict=True))
     rest = [name for name in sample if name not in clock and not _is_time(name, kinds[name], sample[name])]

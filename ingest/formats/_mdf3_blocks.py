@@ -68,7 +68,8 @@ class Mdf3:
         self._conversions: dict[int, tuple[MdfConversion, str]] = {}
 
     def start_ns(self, time: TimeSpec) -> tuple[int, bool]:
-        """When the recording began [ns UTC], 0 if unsaid; whether by a wall clock without a zone (before 3.2)."""
+        """When the recording began [ns UTC], 0 where the file does not say it; whether by a wall clock without a zone,
+        as before version 3.2."""
         block = self._block(HEADER_AT, b"HD")
         *_, date, clock = self._unpack(HEADER, block)
         if len(block.data) >= STAMP_AT + 10:

@@ -32,7 +32,8 @@ Ints = NDArray[np.int64]
 
 
 class Piece(NamedTuple):
-    """Some bytes of a data group: from `begin` of all, at byte `at` of the file (`packed`: in the block there)."""
+    """Some of the bytes of a data group: they begin at `begin` of all, and at byte `at` of the file (`packed`: in the
+    block there)."""
 
     begin: int
     at: int

@@ -29,7 +29,8 @@ Row = Sequence[Any]
 
 @dataclass
 class Workbook:
-    """A workbook; `names` of its sheets, hidden ones last; `of_1904`: its days count from 1904-01-01, as on a Mac.
+    """A workbook; `names` of its sheets, hidden ones last; `of_1904`: its days count from 1904-01-01, as Excel of a Mac
+    counted them.
 
     Raises what zipfile, ElementTree and the library raise of a damaged one.
     """

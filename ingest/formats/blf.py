@@ -28,7 +28,8 @@ SHOWN_PROBLEMS = 3
 
 @dataclass
 class _Stream:
-    """Unpacked bytes not read yet, `size` in all. `wanted`: how many hold an object; `aligned`: it begins there."""
+    """Unpacked bytes that are not read yet, `size` in all. `wanted`: how many hold a whole object; `aligned`: they
+    begin with one."""
 
     pieces: list[bytes] = field(default_factory=list)
     size: int = 0

@@ -230,7 +230,8 @@ class CsvLog(Log):
         return len("".join(cell.partition(self._dialect.numerals.decimal)[1:]))
 
     def _has_commas(self, delimiter: str) -> bool:
-        """Whether any cell of the file is a number with a comma between no thousands: the first may be whole."""
+        """Whether a cell anywhere in the file is a number with a comma that stands between no thousands: the first rows
+        may all be whole."""
         ends = re.escape(delimiter.encode()) if delimiter != BLANKS else rb" \t"
         number = re.compile(rb'(?m)(?:^|[%b])[ "]*(?:%b)[ "]*(?:$|[%b\r])' % (ends, LATE_DECIMAL, ends))
         return delimiter != "," and any(number.search(block) for block in self._text().blocks())
@@ -324,7 +325,8 @@ class CsvLog(Log):
         return begin
 
     def _rows(self, lines: list[str], odd: Sequence[int], *, cut: bool) -> Iterator[Rows]:
-        """Rows of consecutive lines; `odd`: places that begin with no number. `cut`: the last line is not whole."""
+        """The rows of consecutive lines of one table; `odd`: places of those that do not begin with a number. `cut`:
+        the last line is not whole."""
         written = np.array([line.strip(" \r") != "" for line in lines], bool)
         text_first = not (self._numeric[0] or self._dialect.names[0] in self._clock.columns)
         empty = bool(self._clock.columns) and "delimiter" not in self.unsaid  # without times each counts as one

@@ -94,7 +94,8 @@ class _LvmText(TextFile):
         return "\t".join([TIME, *names])
 
     def _begin_segment(self, further: int) -> None:
-        """What its header says of the time, with `further` columns of X. Raises UnreadableLogError where X is none."""
+        """What its header says of the time, with so many `further` columns of X. Raises UnreadableLogError where X is
+        none."""
         columns, dimension = self._value("X_Columns").lower(), self._value("X_Dimension")
         if dimension.lower() not in ("", "time", "zeit"):
             raise UnreadableLogError(

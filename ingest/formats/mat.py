@@ -192,7 +192,8 @@ def _whole(content: bytes) -> tuple[int, int]:
 
 
 def _innermost(one: _Vector, bases: Sequence[_Base]) -> _Base | None:
-    """The base whose times stand in the innermost struct around a vector as long; else the only one as long."""
+    """The base whose times stand in the innermost struct around a vector as long; where none does, the only one that
+    is as long."""
     as_long = [base for base in bases if len(base.times.cells) == len(one.cells)]
     around = [base for base in as_long if one.path[: len(base.times.path) - 1] == base.times.path[:-1]]
     if not around and len(as_long) == 1:

@@ -77,7 +77,8 @@ class _Group:
 
 @dataclass
 class _Part:
-    """Some records of a group as frames, all (N,). Frame i's payload is `data[source[i]:source[i] + length[i]]`."""
+    """Some records of a group as frames, all (N,). The payload of frame i is
+    `data[source[i]:source[i] + length[i]]`."""
 
     t_ns: Ints
     bus: Ints

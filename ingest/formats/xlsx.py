@@ -111,7 +111,8 @@ class XlsxLog(CsvLog):
         super()._take(dialect, clock)
 
     def batches(self) -> Iterator[Rows]:
-        """Rows in the sheet's order. Raises UnreadableLogError without a table, or without python-calamine."""
+        """Rows in the order of the sheet. Raises UnreadableLogError where it holds no table, or python-calamine is
+        missing."""
         self._open()
         yield from super().batches()
 
@@ -141,7 +142,8 @@ class XlsxLog(CsvLog):
             self.settings["other_sheets"] = others
 
     def _is_timed(self, sheet: str) -> bool | None:
-        """Whether a sheet's first rows say their times; None where it begins with no header and rows of numbers."""
+        """Whether the first rows of a sheet say their times; None where it does not begin with a header and rows that
+        hold numbers."""
         text = _SheetText(path=self.path, book=self._book, sheet=sheet)
         lines = [line for line in next(text.blocks()).decode().split("\n") if line][: 2 * SAMPLE_ROWS]
         if no_table_of(lines, self.path.name) is not None:

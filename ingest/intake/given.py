@@ -67,7 +67,8 @@ def databases_given(arguments: Sequence[Path]) -> list[Path]:
 
 
 def databases_in(argument: Path) -> list[Path]:
-    """The signal databases in a folder, or that fit a pattern. Raises IngestError where it is not there."""
+    """The signal databases in a folder, or among the files that fit a pattern. Raises IngestError where it is not
+    there."""
     files = [path for path in files_in(argument) if path.exists()]
     return [path for path in files if path.suffix.lower() in DATABASES or _looks_like_a_database(path)]
 

@@ -128,7 +128,6 @@ def _changes_near(
 
 
 def benches_of(store: Store, known: Facts) -> dict[str, Bench]:
-    """Every bench file of the store, by its SHA-256."""
     return {sha: read_bench(store.archive.read(sha), one.name) for sha, one in known.benches.items()}
 
 
@@ -152,7 +151,8 @@ def _of_kind(session: SessionRecorded, kind: tuple[str, str]) -> SessionRecorded
 
 
 def _is_read(session: SessionRecorded) -> bool:
-    """Whether samples must be read: nobody gave the kind, or the session is long. Checks of a table say all without."""
+    """Whether a session's samples must be read: nobody gave its kind, or it is no short one. Checks of a table say all
+    without."""
     if any("rows" in one for one in session.files):
         return False
     return not session.kind or sum(one["last_record"] - one["first_record"] + 1 for one in session.files) > FEW_RECORDS

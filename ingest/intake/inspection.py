@@ -44,7 +44,8 @@ class FoundSignal:
 @dataclass(frozen=True)
 class InspectedFile:
     """One file. `reading` None where nothing can be read, `why` then says it; `ranges`: column -> (least, greatest);
-    `stamps`: what is wrong with them, a line each; `days`: the column whose days are its times."""
+    `stamps`: what is wrong with them, a line each; `days`: the column whose days are its times, which no bench file
+    says."""
 
     path: Path
     reading: LogReading | None
@@ -186,7 +187,8 @@ def _untimed(reader: Reader, path: Path, recording: Path) -> tuple[LogReading, s
 
 
 def _ranges(recording: Path, parts: Specimens) -> tuple[dict[str, tuple[float, float]], set[str]]:
-    """The least and greatest value of each column of numbers, and which columns hold any; `parts` hears of all rows."""
+    """The least and the greatest value of each column of numbers, and which columns hold anything; `parts` is told of
+    all rows."""
     spans, held = dict[str, tuple[float, float]](), set[str]()
     for _, batch in read(recording):
         if not isinstance(batch, Rows):

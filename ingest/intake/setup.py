@@ -189,7 +189,8 @@ def _resolved(
 
 
 def _elsewhere(bench: Bench, here: Sequence[Signal], given: Sequence[Signal], known: Facts) -> list[Signal]:
-    """Signals that only other logs hold: those given, or taken in earlier (a late file of a session may come alone)."""
+    """Signals of the bench file that only other logs hold: those given, or taken in earlier (a late file of a session
+    may come alone)."""
     now = Directory(here)
     names = [name for name in sorted(named_in(bench)) if not now.find(name)]
     if not names:

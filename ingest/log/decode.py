@@ -128,7 +128,8 @@ def identity(raw: str, databases: Sequence[Database], bench: Bench | None, model
 
 
 def _changes(bench: Bench | None, reading: LogReading) -> list[str]:
-    """What the bench file says is other by the time of a log: "2025-02-11: T3: node yoke (was winding)"."""
+    """What the bench file says is other about channels by the time of a log: "2025-02-11: T3: node yoke (was
+    winding)"."""
     here = bench.changes_at(reading.start_ns) if bench and reading.absolute and reading.start_ns is not None else ()
     return [f"{one.since}: {one.says}{f' ({one.reason})' if one.reason else ''}" for one in here]
 

@@ -21,7 +21,8 @@ def on_bus(databases: Sequence[Database], seen: Collection[Place], names: Collec
 
 
 def untold(databases: Sequence[Database], seen: Collection[Place], names: Collection[str]) -> str | None:
-    """As which message identifiers are read that databases differ about and no name tells; None without any."""
+    """As which message identifiers are read of which databases differ, and no name tells it; None where there are
+    none."""
     differing = _differing(databases, seen)
     left = {place: messages for place, messages in differing.items() if not _told(messages, place[0], names)}
     if not left:

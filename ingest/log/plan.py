@@ -88,7 +88,8 @@ class SignalGroup:
         return set().union(*(output.held for output in self.outputs))
 
     def turn(self, name: str) -> object:
-        """What tells in which rows of its group a signal is: its page of a multiplexer, or its raster; None: in all."""
+        """What tells in which of the group's rows a signal is: its page of a multiplexer, or its raster. None where it
+        is in all."""
         if self.message is None:
             return self.rasters.get(name)
         signal = next(one for one in self.message.signals if one.name == name)

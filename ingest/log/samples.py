@@ -147,7 +147,8 @@ def _span(statistics: Any) -> tuple[int, int]:
 
 
 def read(path: Place, columns: Sequence[str] | None = None, groups: Sequence[int] | None = None) -> pa.Table:
-    """The group at `path`, or some columns or row groups of it, each page checked by its CRC. Raises DamageError."""
+    """The group at `path`, or some of its columns, or some of its row groups; every page read is checked against its
+    CRC. Raises DamageError."""
     with _reading(path):
         with pq.ParquetFile(_source(path), page_checksum_verification=True) as file:
             asked = None if columns is None else list(columns)

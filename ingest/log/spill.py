@@ -17,7 +17,8 @@ MOST_ROWS = 400_000  # in memory, of all names; and that are handed out at once
 
 
 class Spill(Generic[Name]):
-    """Rows by name, each in their order. `folder` is made where they do not fit into memory; its giver removes it."""
+    """Rows by name, each in the order in which they came. `folder` is made where rows do not fit
+    into memory; who named it removes it."""
 
     def __init__(self, folder: Path, layout: np.dtype[np.void]) -> None:
         self._folder, self.layout = folder, layout

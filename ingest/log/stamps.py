@@ -205,7 +205,8 @@ class _Steps:
         return np.concatenate([np.zeros(len(t_ns) - len(step), np.bool_), step == 0])
 
     def count(self, found: StampFaults, doubled: _Doubled) -> None:
-        """Add steps back and jumps; where a block is written twice, or the newest record is first, none steps back."""
+        """Add steps back and jumps; where a block begins that is written twice, or the newest record stands first, no
+        clock steps back."""
         steps = most = 0
         for number in self._back.numbers:
             rows = self._back.within(number)
@@ -285,7 +286,8 @@ class _Doubled:
         return self._blocks(number)[1]
 
     def _blocks(self, number: int) -> tuple[Flags, Flags]:
-        """Which records of a stretch are in a block of two or more, and with which one begins: each (MOST_ROWS,)."""
+        """Which records of a stretch are within a block of two and more, and with which one begins: (MOST_ROWS,)
+        each."""
         again = np.zeros(spill.MOST_ROWS + 2, np.bool_)  # with the record before the stretch and the one behind it
         again[self._again.within(number)["at"] + 1] = True
         again[0] = (self._again.within(number - 1)["at"] == spill.MOST_ROWS - 1).any()

@@ -2,5 +2,6 @@
 
 `morning` is `whyhot morning`: `found_setup` looks for what explains the logs, `ending`, `sensors` and `jumps` judge a
 session, `loggers` asks `clocks` by how much one logger's clock is late. `repeat` is `whyhot repeat`: `matching` pairs
-what two runs drove alike, `differences` says what reads differently and why, `changes` what the ledger knows of that.
+what two runs drove alike, `differences` says what reads differently and what explains it, `changes` what the ledger
+knows to have changed.
 """

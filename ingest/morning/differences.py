@@ -44,7 +44,8 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class CellDifference:
-    """Operating points: edges by quantity ("speed": (low, high)), in stored units; the mean of each run there."""
+    """A cell of operating points: its edges by quantity ("speed": (low, high)), in stored units. `first`, `second`: the
+    mean of each run there."""
 
     cell: Mapping[str, tuple[float, float]]
     minutes: float

@@ -49,7 +49,8 @@ def found_setup(
     past: tuple[Store, Facts] | None,
 ) -> FoundSetup:
     """The bench file and databases that are named; else those in the folders given, where there is one bench file, and
-    without databases that cannot be read; else those of the last session of the store. Raises as `prepare`."""
+    without databases that cannot be read; else those of the last session of the store. Raises as `prepare` for what is
+    named."""
     if bench or databases:
         given = ", ".join(path.name for path in (bench, *databases) if path)
         return FoundSetup(prepare(logs, bench, databases, motor_file), f"{given}, as given", named=True)

@@ -1,4 +1,5 @@
-"""Sensors to look at: silent, dead, held, saturated, off their neighbours, jumping together, exchanged, drifted.
+"""Sensors to look at: silent, dead, held, saturated, off their neighbours at rest, jumping together, exchanged,
+drifted.
 
 What a channel says alone is judged by the rules of `ingest.catalogue.quality`. Beside that
 

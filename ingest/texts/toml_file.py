@@ -196,7 +196,8 @@ class TomlTable:
 def read(source: Path | bytes, name: str, schema: str) -> TomlTable:
     """The root table of a TOML file; `name` as in messages, `schema` such as "whyhot.bench/1".
 
-    Raises TomlError where it is no TOML, over `LARGEST` bytes, nested too deeply, or of another schema.
+    Raises TomlError where it cannot be read, is no TOML, is over `LARGEST` bytes or nested too deeply, or is of
+    another schema.
     """
     text = _decode(_load(source, name), name)
     deep = toml_lines.too_deep(text)

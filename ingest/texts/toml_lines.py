@@ -34,7 +34,8 @@ def too_deep(text: str) -> int | None:
 
 
 def lines(text: str) -> dict[Path, int]:
-    """Line (from 1) of every table, key and array element of valid TOML: of a table the first one that is about it."""
+    """Line (from 1) of every table, key and array element of a text that `tomllib` has accepted: of a table the first
+    one that is about it."""
     feeds = [feed.start() for feed in re.finditer("\n", text)]
     found: dict[Path, int] = {}
     for path, span in sorted(spans(text).items(), key=lambda place: place[1].start):

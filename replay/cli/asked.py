@@ -58,14 +58,16 @@ def asked_by(verb: str, args: argparse.Namespace, **more: Sequence[str]) -> str:
 
 
 def sessions_of(known: Facts, texts: Sequence[str]) -> list[SessionRecorded]:
-    """The sessions of these ids or names, each once, in the store's order: however named, it is one question."""
+    """The sessions of these ids or names, each once and in the store's order: however they are named, it is one
+    question."""
     from ingest.facts.sessions import order
 
     return sorted(known.named(texts), key=order)
 
 
 def left_out(store: Store, known: Facts, sessions: Sequence[SessionRecorded], model: str) -> list[str]:
-    """A line for all of `sessions` that an answer about `model` leaves out: beyond its maps, specimens taken as new."""
+    """A line for all that an answer about `model` does not know of `sessions`: beyond its maps, and specimens taken
+    as new."""
     from replay.engine.specimen.aged import ageing_left_out
     from replay.engine.specimen.maps_left import maps_left
 

@@ -61,7 +61,8 @@ def _rows(context: Any, builder: Any, kind: Any, array: Any, row: Any) -> list[A
 
 
 def _turned(builder: Any, sources: list[Any], targets: list[Any], past_caches: bool) -> Any:
-    """Transpose the block of numbers at `sources` to `targets`. The value is their sum times 0: 0 where each is finite.
+    """Transpose the block of numbers at `sources` to `targets`. The value is the sum of the numbers times 0, which is
+    0 where each is finite.
 
     `past_caches`: targets are written without being read before, and lie at borders of vectors.
     """
@@ -106,7 +107,8 @@ _block_out: Any = intrinsic(_giving)
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def interleave(sources: tuple[Floats, ...], first: int, into: Floats) -> bool:
-    """Fill `into` (Q, LANES): lane c from number `first` on of source c (flat). Returns whether all of it is finite."""
+    """Fill `into` (Q, LANES): lane c from number `first` on of source c of `LANES` (flat). Returns whether all of it
+    is finite."""
     whole = len(into) - len(into) % LANES
     sums = np.zeros((1, LANES))
     left = vectors(sums, (LANES,))

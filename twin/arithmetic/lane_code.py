@@ -1,4 +1,5 @@
-"""The instructions of `twin.arithmetic.lanes` as vectors of LLVM, through numba's interface for extensions.
+"""The instructions of `twin.arithmetic.lanes`, written out as vectors of LLVM through numba's interface for
+extensions.
 
 A compiler that has to find out for itself whether two rows of one array overlap stops making vectors of loops in one
 release or the other, and does not say so. A product and the sum that it goes into are rounded once, wherever it runs:
@@ -235,7 +236,8 @@ scale_vectors: Any = intrinsic(prefer_literal=True)(_scaling)
 
 
 def transposed(builder: Any, block: list[Any]) -> list[Any]:
-    """The transpose of a block, `LANES` vectors as long: halves of halves change places across the diagonal."""
+    """The transpose of a block, `LANES` vectors of as many numbers: halves of halves change places across the
+    diagonal."""
     turned = list(block)
     for half in (1, 2, 4):
         for r in (r for r in range(LANES) if not r & half):

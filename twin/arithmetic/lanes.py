@@ -292,7 +292,8 @@ def transposed(m: Floats, out: int, source: int, size: int, length: int) -> None
 
 @within
 def as_rows(m: Floats, out: int, source: int, size: int, length: int, first: int, end: int) -> None:
-    """Columns `first`, a multiple of `LANES`, to at least `end` of `size` rows at `source` as rows at `out`."""
+    """Columns `first` to at least `end` of `size` rows at `source` become rows at `out`; `first` is a multiple of
+    `LANES`."""
     for j in range(first, end, 8):
         for i in range(0, size, 8):
             turn_block(m, out + (j - first) * length + i, source + i * length + j, length, 0)
@@ -300,7 +301,8 @@ def as_rows(m: Floats, out: int, source: int, size: int, length: int, first: int
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def mirrored(m: Floats, matrix: int, size: int, length: int) -> None:
-    """Make a matrix of `size` rows symmetric: what is right of the diagonal goes left, at least up to column `size`."""
+    """Make a matrix of `size` rows symmetric: what is right of the diagonal is copied to the left of it, at least up
+    to column `size`."""
     blocks = _in_blocks(size)
     for i in range(0, blocks, 8):
         turn_block(m, matrix + i * length + i, matrix + i * length + i, length, 1)

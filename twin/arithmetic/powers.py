@@ -52,7 +52,8 @@ def _integer_power(base: NDArray[np.float64], exponent: int) -> NDArray[np.float
 def log(x: NDArray[np.float64]) -> NDArray[np.float64]:
     """ln x (N,) of positive numbers, within 3e-16 of it.
 
-    It is k ln 2 + 2 artanh((m - 1) / (m + 1)) for x = m 2^k, m within sqrt(1/2)..sqrt(2); the series ends below 2^-53.
+    It is k ln 2 + 2 artanh((m - 1) / (m + 1)) for x = m 2^k, m within sqrt(1/2)..sqrt(2); the series ends below
+    2^-53.
     """
     mantissa, exponent = np.frexp(x)
     low = mantissa < np.sqrt(0.5)
@@ -68,7 +69,8 @@ def log(x: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def exp(x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """e^x (N,), within 1.5e-16 if a normal number: 2^k e^r, |r| <= ln 2 / 2, Taylor series by Estrin's scheme."""
+    """e^x (N,), within 1.5e-16 of it where it is a normal number: 2^k e^r, |r| <= ln 2 / 2, Taylor series by Estrin's
+    scheme."""
     k, series = _split(np.clip(x, _LEAST, _MOST))
     with np.errstate(over="ignore"):
         result: NDArray[np.float64] = np.ldexp(series, k.astype(np.int32))

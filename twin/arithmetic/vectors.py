@@ -1,4 +1,5 @@
-"""Vectors of `LANES` numbers as values of compiled functions: what is written for one run runs `LANES` at once.
+"""Vectors of `LANES` numbers as values of compiled functions: what is written for one run is compiled for `LANES` at
+once.
 
 `vectors` makes an array with a last axis of lanes into one whose entries are vectors. Their sums, products,
 quotients, square roots, `np.minimum`, `np.maximum` and comparisons (1.0 where they hold, else 0.0) are one
@@ -127,8 +128,9 @@ def _vectors(array: Any, lanes: Any) -> Any:
 
 
 def _keep_borders(builder: Any) -> None:
-    """Have all that this function keeps on the stack begin at borders of vectors, as where something there is looked
-    at. Else each vector lies across two lines of the cache: a large kernel takes a fifth longer."""
+    """Have all that this function keeps on the stack begin at borders of vectors, as it does where something there is
+    that is looked at. Else each vector lies across two lines of the cache, which costs a large kernel a fifth more
+    time."""
     place = cgutils.alloca_once(builder, _VECTOR)  # type: ignore[no-untyped-call]
     place.align = 8 * LANES
     builder.asm(ir.FunctionType(ir.VoidType(), [place.type]), "", "r", [place], side_effect=True)

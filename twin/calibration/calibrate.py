@@ -108,9 +108,11 @@ def calibrate(
 
 
 def freedom(network: Network, tests: Sequence[Test], only: Container[str] | None = None) -> tuple[Parameter, ...]:
-    """The parameters of a calibration: every coefficient, capacity and gain of a meter, then what each test brings.
+    """The parameters of a calibration: every coefficient, every capacity, the gain of every meter, then what each test
+    brings along.
 
-    Coefficients and capacities not among `only` are held, and stay as uncertain as their priors.
+    Coefficients and capacities that are not among `only` are held where they are, and stay as uncertain as their
+    priors.
     """
 
     def of_motor(name: str, action: actions.Action, sd: float) -> Parameter:

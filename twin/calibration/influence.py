@@ -2,7 +2,8 @@
 
 The paper's sensitivities (its section 3.1): the exact derivative of every node's temperature by every parameter's
 logarithm, here times the parameter's prior standard deviation, so that a well-known loss and a guessed film are
-measured with one scale. All are sums over blocks of 10 s, taken as they come (`twin.run.block_columns`).
+measured with one scale. All are sums over blocks of 10 s, taken as the blocks come (`twin.run.block_columns`): no test
+is too long.
 """
 
 from __future__ import annotations
@@ -70,7 +71,8 @@ def influence(network: Network, tests: Sequence[Test]) -> Influence:
 
 
 def columns(network: Network, test: Test) -> Iterator[Floats]:
-    """The derivative of each node's temperature in each block by each ln parameter [K] (b, n, P), some at a time."""
+    """The derivative of each node's temperature in each block by each ln parameter [K], some blocks at a time (b, n,
+    P)."""
     places, values = of_motor(network)
     every = of_every_node(network, test.frame)
     return (some * values for some in block_columns(network, test.frame, test.initial, every, places))

@@ -155,7 +155,8 @@ class _Line:
 
 
 def _straight(found: Fit, slopes: Mapping[int, Sequence[_Slope]]) -> dict[int, _Line]:
-    """All slopes of each term as a line of one node's temperature over the tests, steps weighed by what it carries."""
+    """All slopes of each term as a line of one node's temperature over the tests, steps weighed by what the term
+    carries."""
     if not slopes:
         return {}
     model, network = found.model, found.model.network

@@ -1,4 +1,5 @@
-"""Readings that no motor could give: blocks that jump away and come back, such as of a loose contact.
+"""Readings that no motor could give: blocks that jump away from both their neighbours and come back, such as of a loose
+contact.
 
 A temperature's residual changes slowly. A block that is further from the median of the five around it than six times
 what is usual in that channel and test, than its own noise allows and than 5 K (1.4826 x the median absolute deviation:
@@ -26,7 +27,8 @@ MAD = 1.4826  # sd of a normal over its median absolute deviation
 
 
 def outliers(found: Fit) -> dict[tuple[int, str], Bools]:
-    """(test, channel) -> which of the channel's blocks (B,) jump, for channels where any does. Temperatures only."""
+    """(test, channel) -> which of the channel's blocks (B,) that are there jump, for channels where any does.
+    Temperatures only."""
     marked = {}
     names = {channel.name for test in found.model.tests for channel in test.channels}
     for series in found.series:

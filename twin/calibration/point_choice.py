@@ -25,7 +25,8 @@ from twin.run.block_columns import Thermometer, block_columns, of_motor
 @dataclass(frozen=True)
 class Choice:
     """One more test, in the order in which they teach most: `gain` [nats] that it adds to those before it; `known_K`
-    (n,) [K], how uncertain each node still is then by the parameters alone, root mean square over the drive."""
+    (n,) [K], how uncertain each node still is once it is learnt from, by the parameters alone, root mean square over
+    the drive."""
 
     test: int
     gain: float
@@ -36,7 +37,8 @@ def information(network: Network, test: Test, noise: Mapping[str, ChannelNoise])
     """Fisher information (P, P) of a test's thermometers on ln coefficients and ln capacities, in the order of
     `twin.calibration.calibrate.freedom`; `noise` by channel.
 
-    Blocks are taken as they come. Raises `DivergedError` where the network's own run leaves the finite numbers.
+    Blocks are taken as they come: no test is too long. Raises `DivergedError` where the network's own run leaves the
+    finite numbers.
     """
     places, values = of_motor(network)
     step_s, n, shared = test.frame.step_s, len(network.nodes), len(places)
@@ -99,11 +101,13 @@ def in_order(
 
 
 def gain_nats(precision: Floats, more: Floats) -> float:
-    """What `more` information adds to a `precision` (P, P) [nats]: half the growth of ln det(precision)."""
+    """What `more` information adds to a `precision` (P, P) [nats]: ln det(precision + more) / 2 - ln det(precision) /
+    2."""
     return float(np.linalg.slogdet(precision + more)[1] - np.linalg.slogdet(precision)[1]) / 2
 
 
 def known_K(precision: Floats, drive: Influence) -> Floats:
-    """Sd of each node's temperature (n,) [K] under the parameters' `precision` (P, P), rms over the drive's blocks."""
+    """Standard deviation of each node's temperature (n,) [K] under the parameters' `precision` (P, P), root mean square
+    over the drive's blocks."""
     found: Floats = drive.unknown_K([precision])[0]
     return found

@@ -36,7 +36,8 @@ class Profile:
 
 
 def profile(found: Fit, place: int) -> Profile:
-    """The profile of the parameter at `place` of a fit's vector. Raises `DivergedError` if its best value runs away."""
+    """The profile of the parameter at `place` of a fit's vector. Raises `DivergedError` where the model runs away at
+    its best value."""
     free = found.model.with_priors(
         [replace(p, sd=NO_PRIOR) if i == place else p for i, p in enumerate(found.model.parameters)]
     )
@@ -66,7 +67,8 @@ def profile(found: Fit, place: int) -> Profile:
 
 
 def _end(rise: Callable[[float], float], best: float, step: float, bound: float) -> float | None:
-    """Where the misfit has risen enough, from the best value towards a bound: steps by the root of what is missing."""
+    """Where the misfit has risen enough, from the best value towards a bound: steps by the square root of what is
+    missing."""
     inside, outside, reached = 0.0, None, 0.0
     offset = step
     for _ in range(STEPS):

@@ -25,7 +25,8 @@ STEP_S = 2.0  # of a run for its derivatives: they need no more
 
 def sd_K(network: Network, test: Test, at: Sequence[tuple[str, float]], covariance: Floats) -> tuple[float, ...]:
     """Standard deviation [K] of the temperature at each (node, time [s]) of a test, by `covariance` (P, P) of ln
-    coefficients and ln capacities in the order of `twin.calibration.calibrate.freedom`, and `initial_sd`.
+    coefficients and ln capacities in the order of `twin.calibration.calibrate.freedom`, and the test's own
+    `initial_sd`.
 
     Raises `DivergedError` where the network's own run leaves the finite numbers.
     """
@@ -50,7 +51,8 @@ def sd_K(network: Network, test: Test, at: Sequence[tuple[str, float]], covarian
 
 
 def coarse(frame: Frame, until_s: float) -> Frame:
-    """The inputs of a run up to a time [s], means over steps of `STEP_S` in whole blocks; its last step goes on."""
+    """The inputs of a run up to a time [s] as means over steps of `STEP_S`, in whole blocks; behind its end the last
+    step goes on."""
     of_step = max(1, round(STEP_S / frame.step_s))
     length = of_step * max(1, round(BLOCK_S / (of_step * frame.step_s)))
     wanted = (int(until_s // (length * frame.step_s)) + 1) * length

@@ -67,7 +67,8 @@ class United:
         )
 
     def _placed(self, whole: Sequence[E], own: Sequence[Sequence[E]]) -> Iterator[tuple[_Place, E]]:
-        """Every link (or source) that a rig has: the motor's, then those that each configuration says itself."""
+        """Every link (or source) that one of the rigs has: the motor's, then those that each configuration says
+        itself."""
         for i, one in enumerate(whole):
             if rigs := tuple(r for r, said in enumerate(self._said) if said is None or _keeps(said, one)):
                 yield _Place(None, i, rigs), one
@@ -155,7 +156,8 @@ class United:
         )
 
     def _features(self, test: Test, rig: int, factors: Mapping[AgeingPlace, float]) -> Floats:
-        """Monomials of the test (N, m): each as the rig has it, times what ageing leaves; 0 where it has none."""
+        """Monomials of the test (N, m): each as the rig has it, times what is left where it ages; 0 where the rig does
+        not have it."""
         columns = monomials(self.network)
         found = np.zeros((len(test.frame.features), len(columns)))
         for j, column in enumerate(columns):

@@ -36,8 +36,9 @@ def run(features, boundaries, step_s, coefficients, capacities, copper, factors,
 
 
 class Writer:
-    """The body of a kernel as it is written: lines before the loop over the steps (`hoisted`) and within it (`lines`),
-    and the signed expressions that make up each entry of the step's matrix and right-hand side (`matrix`, `right`)."""
+    """The body of a kernel as it is written: lines before the loop over the steps (`hoisted`) and within it
+    (`lines`), and the signed expressions that make up each entry of the step's matrix and right-hand side (`matrix`,
+    `right`)."""
 
     def __init__(self, structure: Structure) -> None:
         self.structure = structure
@@ -98,7 +99,8 @@ def read_inputs(w: Writer, tableau: Tableau) -> None:
 
 
 def add_group(w: Writer, index: int, group: Group) -> None:
-    """A group's heat, linear about the step's start: its slopes go into the matrix, the rest to the right-hand side."""
+    """The heat of a group, linear about the start of the step: its slopes go into the matrix, what is left to the
+    right-hand side."""
     w.hoisted += [f"c{i} = coefficients[{i}]" for i, _ in group.terms]
     w.lines.append(f"g{index} = " + " + ".join(f"c{i}" if j == CONSTANT else f"c{i} * f{j}" for i, j in group.terms))
     if group.other != NOBODY:
@@ -121,8 +123,9 @@ def _source(w: Writer, index: int, group: Group, law: LawText) -> None:
 
 def _link(w: Writer, index: int, group: Group, law: LawText) -> None:
     """Heat `h` times the drop into node a and, unless it goes one way, out of node b. `h` is the amount times the
-    temperature factor, `q` the slope with the temperature of that factor, `da` what the drop falls by per kelvin of a,
-    `db` what it grows by per kelvin of b. Where it is the difference itself, `h` stands in the matrix alone."""
+    temperature factor, `q` the slope with the temperature of that factor, `da` what the drop falls by per kelvin of
+    a, `db` what it grows by per kelvin of b. Where the drop is the difference itself, `h` stands in the matrix and
+    nothing is left."""
     a, b, m, far = group.a, group.b, group.other, law.far
     boundary = b >= w.structure.n
     gives = not (boundary or group.one_way)

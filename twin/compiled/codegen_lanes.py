@@ -1,4 +1,5 @@
-"""The kernel of runs side by side: the text of `twin.compiled.codegen` compiled for `twin.arithmetic.vectors`.
+"""The kernel of runs side by side: the text of `twin.compiled.codegen`, compiled for vectors in place of numbers
+(`twin.arithmetic.vectors`).
 
 Every run has the bits that it has alone.
 """

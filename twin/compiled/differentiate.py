@@ -43,7 +43,8 @@ class Derivative:
                 self._slopes[name] = f"{name}_by_{through}"
 
     def _seen_through(self, lines: Sequence[str], by: str) -> tuple[str, str]:
-        """The one line that holds `by` and grows, or falls, just as `by` does, and 1.0 or -1.0; else `by` itself."""
+        """The name of the one line that has `by` in it and grows, or falls, just as `by` does, and 1.0 or -1.0; else
+        `by` itself."""
         seen = [line.split(" = ", 1) for line in lines if re.search(rf"\b{by}\b", line)]
         slope = self._of(ast.parse(seen[0][1], mode="eval").body) if len(seen) == 1 else None
         return (seen[0][0], slope) if slope in ("1.0", "-1.0") else (by, "1.0")

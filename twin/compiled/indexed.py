@@ -1,4 +1,5 @@
-"""The index program: the straight-line kernel's arithmetic with the network as data, compiled once for all.
+"""The index program: the arithmetic of the straight-line kernel with the network as data, compiled once for all
+networks.
 
 One text serves one run and `twin.arithmetic.vectors.LANES` side by side, which then share what its indices cost.
 

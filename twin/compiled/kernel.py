@@ -123,7 +123,8 @@ def compile_indexed(network: Network, tableau: Tableau = DEFAULT, load: Load = l
 
 @cache
 def index_program(load: Load = load_in_memory) -> Kernel:
-    """The compiled `indexed.run` with all that it calls in one text: no cache then holds parts of two versions."""
+    """The compiled `indexed.run`, with all that it calls in one text: a cache then never holds parts of different
+    versions."""
     functions = (indexed.assemble, indexed.run)
     parts = (heat.TEXT_OF_VECTORS, *(inspect.getsource(function.py_func) for function in functions))
     return load(INDEX_HEAD + "\n\n".join(parts).replace("cache=True", "cache=CACHE"))

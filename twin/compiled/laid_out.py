@@ -24,7 +24,8 @@ class LaidOut(NamedTuple):
 
 @once_a_network
 def laid_out(network: Network) -> LaidOut:
-    """A network laid out for the default integrator; not checked, as candidates stand in it with coefficients of 0."""
+    """A network laid out for the default integrator; it is not checked, as one with a coefficient of 0 has candidates
+    in it."""
     shape, values = described(network)
     laws = tuple(Law.of(group, values, g) for g, group in enumerate(shape.groups))
     return LaidOut(shape, values, program(shape, DEFAULT), laws, Table.of(laws, network.copper))

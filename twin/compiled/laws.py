@@ -24,7 +24,8 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Law:
-    """The law of one place. Node `a` takes the heat; `b` is the other end, a node or n + boundary, NOBODY of a source.
+    """The law of one place. Node `a` takes the heat; `b` is the link's other end, a node or n + boundary, NOBODY in a
+    source.
 
     `law`: a name of `twin.motor.heat_laws.LAWS`. `other`, `slope` [1/K], `reference` [degC]: the temperature factor,
     `other` NOBODY where there is none. `one_way`: the heat is not taken out of b, as that is fluid that flows on, or a
@@ -78,7 +79,8 @@ class Table:
 
 
 def psi(table: Table, temperatures: Floats, boundaries: Floats) -> tuple[Floats, Floats]:
-    """psi (L, N) of laws at temperatures (N, n), boundaries (N, b) [degC], and its slope (L, N) with that at b."""
+    """psi (L, N) of laws at temperatures (N, n) [degC] with boundaries (N, b) [degC], and its slope (L, N) with the
+    temperature at b."""
     found = np.empty((2, len(table.places), len(temperatures)))
     _psi(table.places, table.numbers, table.copper, every_place(temperatures, boundaries), found)
     return found[0], found[1]

@@ -14,7 +14,8 @@ Found = TypeVar("Found")
 
 
 def once_a_network(function: Callable[[Network], Found]) -> Callable[[Network], Found]:
-    """The function, called once for each network while that lives. What it returns is shared: nobody changes it."""
+    """The function, called once for each network and remembered as long as that lives. What it returns is
+    shared: nobody changes it."""
     known: dict[int, Found] = {}
 
     @wraps(function)

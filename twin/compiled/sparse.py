@@ -14,7 +14,8 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Pattern:
-    """`order`: nodes as they are eliminated. `later[p]`: those after p that row and column p touch, in this order."""
+    """`order`: nodes as they are eliminated. `later[p]`: the nodes after p that row and column p touch, in the same
+    order."""
 
     order: tuple[int, ...]
     later: tuple[tuple[int, ...], ...]

@@ -1,4 +1,5 @@
-"""A network as indices: what both kernels are made from; no value that a calibration changes is in it."""
+"""A network as indices: what both kernels are made from. It holds what is linked to what, and no value that a
+calibration changes."""
 
 from __future__ import annotations
 
@@ -111,7 +112,8 @@ def _key(a: int, b: int, term: Term, index: dict[str, int]) -> _Key:
 
 
 def _ramps(fluid: Fluid) -> Ramps:
-    """The fluid's heat capacity over that at `features.STREAM_DEGC`, over both its tables' knots; empty if constant."""
+    """The fluid's heat capacity over that at `features.STREAM_DEGC`, over the knots of both its tables; empty if
+    constant."""
     knots = sorted({*fluid.density.degC, *fluid.heat_capacity.degC})
     unit = fluid.at(features.STREAM_DEGC)
     table = [(float(degC), fluid.at(degC) / unit) for degC in knots]

@@ -2,7 +2,8 @@
 
 A motor that has settled: every input was constant for a while and is equal, with boundaries of about the same
 temperature. Or a motor with the same past, as when a driving cycle is repeated: since the first move of an input, the
-means of every input and every product of inputs over each five minutes and of the boundaries are about the same.
+means of every input and every product of inputs over each five minutes are about the same, and those of the
+boundaries.
 """
 
 from __future__ import annotations

@@ -41,7 +41,8 @@ class Contradiction:
 
 
 def contradictions(model: Model) -> list[Contradiction]:
-    """The worst of every two tests and channel, furthest beyond what may be first. Raises `DivergedError`."""
+    """The worst of every two tests and channel, those first that are furthest beyond what may be. Raises
+    `DivergedError`."""
     parts = {(p.series.session, p.series.channel): p for p in model.linearise(np.zeros(len(model.parameters)))}
     worst: dict[tuple[int, int, str], Contradiction] = {}
     for moments in alike_moments(model.tests):

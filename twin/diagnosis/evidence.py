@@ -35,7 +35,8 @@ PRIOR_NONE, PRIOR_UNKNOWN = 0.5, 0.1  # mass; the rest is the candidates'
 
 @dataclass(frozen=True)
 class Projector:
-    """P of whitened `columns` A (N, p) with `precision` (p,); `lower` (p, p): the Cholesky factor of A'A + Lambda."""
+    """P of whitened `columns` A (N, p) with `precision` (p,), by `lower` (p, p), the Cholesky factor of A'A +
+    Lambda."""
 
     columns: Array
     precision: Array

@@ -47,7 +47,8 @@ def expressible(found: Fit, named: Collection[int], driving: Collection[str]) ->
     wrong, also what readings, and the bench in one test, are off by.
 
     `named`: places in the vector that stay as they are; what is healthy of the same action is never too small;
-    `driving`: channels on a bus that stamps inputs too. What else belongs to one test stays free.
+    `driving`: channels on a bus that stamps inputs too. What else belongs to one test is no part of a file and stays
+    free.
     """
     parameters, mode = found.model.parameters, found.beta
     causes = {parameters[p].action for p in named if parameters[p].test is None}
@@ -162,7 +163,8 @@ class SensorChanges:
 
 def readings(found: Fit, said: Fit, named: Collection[int]) -> SensorChanges:
     """What a fit, `said` as files can say it, says of sensors, clocks, inputs and boundaries. `named`: places in the
-    vector of causes; the caller writes them, with healthy differences of the same action, so these are left out."""
+    vector of causes; the caller writes them, together with the healthy differences of the same action, so these are
+    left out."""
     parameters = list(enumerate(said.model.parameters))
     taken = {one.action for p, one in parameters if p in named and one.test is None}
     meters = {meter.name for test in said.model.tests for meter in test.meters}

@@ -127,7 +127,8 @@ def dropout_evidence(received: int, gaps: int) -> float:
 
     `received` frames of a test with `gaps` among them: after each frame the next is lost or not, and a run of lost ones
     counts once. A faulty channel may lose any share, uniformly: B(gaps + 1, received - gaps + 1). A healthy one is
-    given the likeliest share up to 2 %. Raises `EvidenceError` where there are more gaps than frames.
+    given the likeliest share up to 2 %, which is the benefit of the doubt. Raises `EvidenceError` where there are more
+    gaps than frames.
     """
     if not 0 <= gaps <= received:
         raise EvidenceError(

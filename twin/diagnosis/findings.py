@@ -1,5 +1,6 @@
 """What is unusual in a calibrated motor, before any cause: families of numbers that are further from the file than
-usual, single ones that had to go far, those that ended at a bound, and nodes without a sensor that are far off."""
+usual, single ones that had to go far, those that ended at a bound, and nodes without a sensor that are far from what
+the file says."""
 
 from __future__ import annotations
 

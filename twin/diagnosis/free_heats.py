@@ -110,7 +110,8 @@ def _in_time(current: Fit) -> list[list[Response]]:
 
 
 def _maps(current: Fit, projector: Projector, e0: Floats) -> list[FreeHeat]:
-    """The free loss map of every node, its responses added up over the tests; none without a known speed and load."""
+    """The free loss map of every node, its responses added up over the tests; none where nobody knows speed and
+    load."""
     if not (knots := Knots.of(current.model.tests)):
         return []
     each = np.eye(len(knots.correlation))

@@ -1,4 +1,5 @@
-"""Healthy differences in plain words: family, size, where held, and what would make each sharper."""
+"""Healthy differences in plain words: each of them, its family, how large it is, where it is held, and what would make
+it sharper."""
 
 from __future__ import annotations
 

@@ -68,8 +68,9 @@ class Naming:
     the terms that survived, with ln BF of leaving each out; `final`: the fit with them; `left_out`: terms that did not
     survive, with theirs; `heats`: free heats about the first fit, highest ln BF first; `patchwork`: terms that survived
     only together, none of them named; whether what is left says that the file's form is wrong (`wrong_in_form`);
-    `heat`: one without a name that stands among the parameters of `final`, as found first: a map, part of the motor as
-    all sessions share it, or one `beside` which terms were looked for; the rounds from the second on have it too."""
+    `heat`: one without a name that stands among the parameters of `final`, as found first: a map, which is a part of
+    the motor as all sessions have it in common, or one `beside` which terms were looked for. Then the rounds from the
+    second on have it too."""
 
     rounds: tuple[Round, ...]
     accepted: tuple[Refit, ...]
@@ -337,7 +338,8 @@ def _eliminated(found: Naming, accepted: list[tuple[Candidate, Parameter]]) -> N
 
 
 def at_the_patchwork(naming: Naming) -> FreeHeat:
-    """The free heat with most evidence where the patchwork acts, with what its strongest term has for it."""
+    """The free heat with most evidence where the patchwork acts, with what the patchwork's strongest term has for
+    it."""
     network = naming.final.model.network
     nodes = frozenset[str]().union(*(nodes_of(refit.candidate, network) for refit in naming.patchwork))
     strongest = max(refit.log_bayes_factor for refit in naming.patchwork)

@@ -110,7 +110,8 @@ def weighed(
 
 
 def _moving(current: Fit, parts: Sequence[Columns], parameters: Sequence[Parameter], channel: str | None) -> list[int]:
-    """Places of the candidates that, at their usual size, move a channel by more than its noise."""
+    """Places of the candidates that count: of a channel those that move it, at their usual size, by more than its
+    noise."""
     if channel is None:
         return list(range(len(parameters)))
     own = [current.model.whitened(part.series, part.extra) for part in parts if part.series.channel == channel]

@@ -36,7 +36,8 @@ POOLED_FROM = 5  # members: fewer say little of their family
 
 
 def kinds(network: Network) -> list[str]:
-    """The kind of every term: `films` (links to a fluid or boundary, or of features), `conduction`, or `losses`."""
+    """The kind of every term of the network: `films` (links to a fluid or boundary, or whose law has features),
+    `conduction`, or `losses`."""
     solid = {node.name for node in network.nodes if node.region != "fluid"}
     found = []
     for link in network.links:
@@ -54,7 +55,8 @@ def regions(network: Network) -> list[str]:
 
 @dataclass(frozen=True)
 class Family:
-    """Healthy differences as wide as each other: `name`, and the factor of their prior sd at `least` and at `most`."""
+    """Healthy differences that are as wide as each other: `name`, and what their prior sd is multiplied by at `least`
+    and at `most`."""
 
     name: str
     least: float

@@ -33,7 +33,8 @@ def calibrated(model: Model, candidates: Sequence[Candidate], tell: Tell) -> Fit
 
 def refined(current: Fit, candidates: Sequence[Candidate], stated: Sequence[Parameter], tell: Tell) -> Fit:
     """The fit under learnt noise, then under learnt priors of families, then under noise that is learnt again.
-    `stated`: the healthy differences, first of the parameters, with the priors that learnt ones are multiples of."""
+    `stated`: the healthy differences, first among the model's parameters, with the priors that the learnt ones are
+    multiples of."""
     tell("recalibrating, fit 1 of 3: noise")
     current = under_its_noise(current, candidates, ON_THE_WAY)
     tell("recalibrating, fit 2 of 3: priors of families")

@@ -158,7 +158,8 @@ class Round:
         return replace(self, refits=tuple(replace(r, left_out=said) if r is refit else r for r in self.refits))
 
     def alone(self, candidate: Candidate) -> float:
-        """ln BF of a candidate as the only term more, by its refit or linear; 0 where it has no column."""
+        """ln BF of a candidate as the only term more: of its refit, or the linear one where it was not refitted; 0
+        where it has no column."""
         scores = {c.cause: float(x) for c, x in zip(self.candidates, self.scores.log_bayes_factor, strict=True)}
         scores |= {r.candidate.cause: r.log_bayes_factor for r in self.refits}
         return scores.get(candidate.cause, 0.0)

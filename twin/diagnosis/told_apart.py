@@ -104,7 +104,8 @@ def separating_test(found: Round, leader: Candidate, other: Candidate) -> str | 
 
 
 def telling_test(found: Round, candidate: Candidate) -> str | None:
-    """The next test after which a candidate of its present size a stands out: a^2 v'P v / 2 = d^2 / 2, d = 5."""
+    """The next test, in words, after which a candidate of its present size a stands out: a^2 v'P v / 2 = d^2 / 2, d =
+    5."""
     return _best_test(found, [found.candidates.index(candidate)], STANDS_OUT**2 / 2)
 
 

@@ -29,7 +29,8 @@ TELLS = 3.0  # times what a sensor may be off: so far apart two models are told 
 
 @dataclass(frozen=True)
 class Relief:
-    """A healthy difference and how far it moves `before` and `after` something was named, in its first sd."""
+    """A healthy difference and how far it moves `before` and `after` something was named, in the sd that it was given
+    at first."""
 
     parameter: Parameter
     before: float

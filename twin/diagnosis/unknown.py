@@ -82,13 +82,15 @@ def free_heat(
 ) -> FreeHeat:
     """Evidence and heights of a free heat at one node; `e0` (N,) as in `twin.diagnosis.evidence`.
 
-    Sizes are shares of `total_loss_W`, the mean modelled total loss. Raises `EvidenceError` where that is not above 0.
+    Sizes are shares of `total_loss_W`, the mean modelled total loss over training. Raises `EvidenceError` where that is
+    not above 0.
     """
     return _weighed(node, *_reduced(responses, e0, projector), total_loss_W, False)
 
 
 class SumsOverTests:
-    """A free heat of q heights, alike in all tests, added up test after test: the columns of none are kept."""
+    """A free heat of q heights that are the same in all tests, added up test after test: the columns of none are
+    kept."""
 
     def __init__(self, q: int, e0: Array, projector: Projector) -> None:
         self.e0, self.projector = e0, projector
@@ -168,7 +170,8 @@ class Association:
 
 
 def associations(watts: Array, features: Mapping[str, Array], block: int) -> tuple[Association, ...]:
-    """The smoothed heat (q,) [W] regressed on all features (feature -> its mean (q,) over each tent), strongest first.
+    """The smoothed heat (q,) [W] regressed on all features together (feature -> its mean (q,) over each tent), the
+    strongest first.
 
     Bands come from resampling runs of `block` neighbouring tents (at least twice the slowest mode long). A feature that
     does not vary is left out. Raises `EvidenceError` where lengths do not fit or block is not above 0.

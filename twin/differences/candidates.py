@@ -30,7 +30,8 @@ Places = tuple[Place, ...]
 
 @dataclass(frozen=True)
 class InputChannel:
-    """What drives the model: a quantity (`speed`, `current`, `flow`) or a boundary, and the bus that stamps it."""
+    """What drives the model: a quantity such as `speed`, `current`, `flow`, or a boundary's name; and the bus that
+    stamps it."""
 
     name: str
     bus: str
@@ -138,7 +139,8 @@ def added_monomials(candidates: Sequence[Candidate]) -> tuple[Monomial, ...]:
 
 
 def _as_named(network: Network, inputs: Sequence[InputChannel]) -> list[InputChannel]:
-    """The inputs as laws call them: a bench's `flow` is `flow_jacket` and `flow_oil` of a motor with two circuits."""
+    """The inputs as laws call them: where a bench says `flow`, a motor with two circuits has `flow_jacket` and
+    `flow_oil`."""
     flows = [f for f in sorted(_used(network)) if is_flow(f)] or ["flow"]
     return [replace(i, name=name) for i in inputs for name in (flows if i.name == "flow" else [i.name])]
 
@@ -307,7 +309,8 @@ def _capacities(network: Network) -> Iterator[Candidate]:
 
 def _boundaries(network: Network, sessions: Sequence[str]) -> Iterator[Candidate]:
     """What a boundary reads too much, always or in one session: an inlet that is not measured but taken to be the
-    outlet, a thermometer put elsewhere, air from another hall that day are as large then as any constant error."""
+    outlet, a thermometer put elsewhere, air that is drawn from another hall that day are as large then as any
+    constant error."""
     names = Counter(map(spelt, sessions))
     for b, boundary in enumerate(network.boundaries):
         size, bias = Sigma(BOUNDARY_BIAS_K), actions.BoundaryBias(b)
@@ -344,7 +347,8 @@ def _sensors(network: Network, channels: Sequence[Sensor], features: frozenset[s
 def _can_misread(
     law: type[Misreading | Lag], channel: Sensor, given: Collection[str], turning: Collection[str]
 ) -> bool:
-    """Whether what the law goes with is `given`, and its place turns (one of the nodes `turning`) if that is speed."""
+    """Whether what the law goes with is `given`, and its place turns (is one of the nodes `turning`) where it goes with
+    speed."""
     if not issubclass(law, Misreading):
         return True
     beside = AMBIENT if law.of_ambient else law.of_input
@@ -400,7 +404,8 @@ def _inputs(network: Network, inputs: Sequence[InputChannel]) -> Iterator[Candid
 
 
 def _ageing(network: Network) -> Iterator[Candidate]:
-    """Slot insulation that changes with the hours above its class: its copper node's limit, else 180 degC."""
+    """Slot insulation that changes with the hours above its class: the limit of its copper node, 180 degC where the
+    file gives none."""
     limits = {node.name: node.limit_degC or 180.0 for node in network.nodes if node.region == "copper"}
     insulated = [(link.a, link.b) for link in network.links if _insulated(network, (link.a, link.b))]
     for name, places in links_with_groups(network, insulated):

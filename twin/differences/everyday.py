@@ -275,7 +275,8 @@ def _buses(tests: Sequence[Test]) -> dict[str, tuple[str, ...]]:
 
 
 def _beside(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
-    """A sensor follows a little of what its node is joined to, and of the air, but of nothing across a rotating gap."""
+    """A sensor follows a little of what its node is joined to, and of the air around it, but of nothing across a
+    rotating gap."""
     air = {node.name for node in network.nodes if node.region == "fluid"}
     turning = {node.name for node in network.nodes if node.region in ROTATING}
     for channel in {c.name: c for test in tests for c in test.channels}.values():

@@ -22,7 +22,8 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Apart:
-    """How far filterpy's filter is from ours over all steps, at most: in temperatures [K] and in their sd [K]."""
+    """How far filterpy's filter is from ours over all steps, at most: in temperatures [K] and in their standard
+    deviations [K]."""
 
     temperature_K: float
     sd_K: float
@@ -38,7 +39,8 @@ def apart(inputs: Inputs, ours: Estimate) -> Apart:
 
 
 def by_filterpy(inputs: Inputs) -> Iterator[tuple[Floats, Floats]]:
-    """State (S,) and covariance (S, S) after each step: temperatures, unknowns in `inputs.order`, lagging readings."""
+    """State (S,) and covariance (S, S) after each step: temperatures, unknowns in the order of `inputs.order`, lagging
+    readings."""
     from filterpy.kalman import ExtendedKalmanFilter  # brings all of scipy.stats along, which no other replay needs
 
     steps = Steps(inputs)

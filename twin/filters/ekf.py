@@ -6,7 +6,8 @@ step (`twin.compiled.integrators`, with the inputs held) on [temperatures, unkno
 
 Extended: each step is linearised about the estimate at its start. For losses linear in temperature (copper) that is
 exact; of resistances, temperature factors and unknown factors the second derivative is left out of the covariance,
-never of the estimate (`twin.filters.ukf` keeps it). Readings of a step are independent and taken together.
+never of the estimate (`twin.filters.ukf` keeps it). Readings of a step are independent and taken together; a missing
+one is left out.
 
 A filter is told where the unknown heat is. Told the wrong node it still finds a history that fits.
 """

@@ -1,4 +1,5 @@
-"""What every filter is given: readings of sensors and meters, a start, unknowns; and the same as arrays.
+"""What every filter is given: readings of sensors and meters, a start, unknowns; and the same as the arrays that the
+compiled steps take.
 
 The unknown heat of a node stands *beside* its modelled loss, held within a step, and is a random walk: inverting one
 step for it would amplify noise to kilowatts (Gillijns and De Moor, 2007, doi:10.1016/j.automatica.2006.08.002). A

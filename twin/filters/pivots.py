@@ -1,4 +1,5 @@
-"""Elimination by one pivot with few neighbours, written out: short loops cost more to begin than to run."""
+"""Elimination by one pivot with few neighbours, written out: loops of two to four turns take longer to begin and end
+than to run."""
 
 from __future__ import annotations
 

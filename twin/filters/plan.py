@@ -1,4 +1,5 @@
-"""Where the numbers of a filter's step are: the state, the tables of indices of its loops, and their names.
+"""Where the numbers of a filter's step are: the state, the tables of indices that its loops go through, and their
+names.
 
 The state has S numbers: temperatures of n nodes, o unknown heats, u logarithms of unknown factors, errors of
 channels, and what each channel reads now whose sensor lags. It stands beside its covariance as rows [P | x] of one
@@ -70,7 +71,8 @@ class LawTable(NamedTuple):
 class Plan(NamedTuple):
     """How many there are of what a step works on, and where it begins in the run's array of numbers or of indices.
 
-    A table has one row behind the other; its comment shows the row of the module's example.
+    A table has one row behind the other; its comment shows the row of the module's example. Read them by the
+    functions below.
     """
 
     laws: LawTable
@@ -201,7 +203,8 @@ def law_of(laws: LawTable, at: Index, g: int) -> tuple[int, int]:
 
 @within
 def ends_of(laws: LawTable, at: Index, g: int) -> tuple[int, int, int]:
-    """Whose temperatures are T_a, T_b and T_m in group g: a node, or n + boundary; below 0 if its law has none."""
+    """Whose temperatures are T_a, T_b and T_m in group g: a node, or n + boundary; below 0 where its law has none of
+    them."""
     row = laws.places + 6 * g
     return at[u(row)], at[u(row + 1)], at[u(row + 3)]
 

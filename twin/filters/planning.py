@@ -177,7 +177,8 @@ def _amounts(parts: Parts) -> tuple[Floats, list[tuple[int, int, int]], list[flo
 
 
 def _assembly(parts: Parts) -> tuple[list[list[int]], list[list[int]], list[list[int]], list[list[int]]]:
-    """Every group as a row of `Plan.plain`, `rim`, `constant_heat` or `other`, by what it adds to the step matrix."""
+    """Every group as a row of `Plan.plain`, `rim`, `constant_heat` or `other`, by what it adds to of the step
+    matrix."""
     n, edges = parts.program.n, len(parts.program.edge_to)
     right = n + 2 * edges + 1
     plain, rims, constants, others = [], [], [], []

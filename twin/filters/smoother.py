@@ -204,7 +204,8 @@ def _back_through(
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def _reading_rows(plan: Plan, taken: ReadingsPlan, back: Back, m: Floats, at: Index, count: int, out: int) -> None:
-    """Fill `out`, a row of the readings' stride each: how `count` readings move with the state before the step."""
+    """Fill `out`, a row of the readings' stride each: how each of `count` readings moves with the state before the
+    step."""
     sweep(m, at, taken.by_later, out, back.before, back.before, plan.unit, taken.later.share, plan.length)
     for q in range(count):
         first, end = entries_of(taken.earlier, at, q)

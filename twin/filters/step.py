@@ -1,4 +1,5 @@
-"""The filters' step, compiled once for all motors, on a state and its covariance (`twin.filters.plan`).
+"""The filters' step, compiled once for all motors: the network's own step on a state and its covariance
+(`twin.filters.plan`).
 
 F, the derivative of a step, is never formed by the filter: F P F' is the step on the columns of P twice, with a
 transpose between, by the sparse elimination that the step needs anyway. It is exact for the step as it is made,

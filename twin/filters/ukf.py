@@ -1,4 +1,5 @@
-"""Unscented Kalman filter: that of `twin.filters.ekf` with its step from many points instead of its derivative.
+"""Unscented Kalman filter: the filter of `twin.filters.ekf` with its step taken from many points at once instead of
+its derivative.
 
 Sigma points after Van der Merwe (The scaled unscented transformation: Julier, doi:10.1109/ACC.2002.1025369; Wan and
 Van der Merwe, doi:10.1109/ASSPCC.2000.882463): the estimate, and the estimate plus and minus each column of the root
@@ -37,7 +38,8 @@ ALPHA, BETA, KAPPA = 0.5, 2.0, 0.0  # points at half of sqrt(size) standard devi
 def filter_unscented(
     network: Network, frame: Frame, start: FilterStart, unknowns: Sequence[Unknown], readings: Sequence[AnyReading]
 ) -> Estimate:
-    """Temperatures and unknowns from readings by sigma points, called as `twin.filters.ekf.filter_unknowns` is."""
+    """Temperatures and unknowns from the readings by sigma points. Takes, returns and raises what
+    `twin.filters.ekf.filter_unknowns` does."""
     return filtered_by(_through, inputs_of(network, frame, start, unknowns, readings))
 
 
@@ -117,7 +119,8 @@ def _gather(plan: Plan, m: Floats, before: Floats, after: Floats, weight: float,
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def _root(covariance: Floats, root: Floats) -> None:
-    """The lower triangle (S, S) of Cholesky of P into `root`; a number that others determine gets a column of zeros."""
+    """The lower triangle (S, S) of Cholesky of P into `root`; a number that the others determine gets a column of
+    zeros."""
     for j in range(len(root)):
         own = covariance[j, j]
         left = own

@@ -117,7 +117,8 @@ class BoundaryBias:
 
 @dataclass(frozen=True)
 class Beside:
-    """A channel follows p of a node (an index), 1 - p of its own place: it reads a mixture of what it touches."""
+    """A channel follows p of a node (an index) and 1 - p of its own place:
+    a thermocouple reads a mixture of what it touches."""
 
     channel: str
     node: int
@@ -165,7 +166,8 @@ class HeatTent:
 class HeatMap:
     """p [W] times a map over speed and load into a node: one of those that add up to a free loss map. `heights` at the
     knots `speeds` and `loads` (dimensionless, rising; of `Test.load`, which is the `load` "torque" or "current"), load
-    by load within speed, linear between: of 9 and 5 the second has the lowest speed and second load."""
+    by load within speed, linear between: of 9 and 5 the second is that of the lowest speed and the second lowest
+    load."""
 
     node: int
     speeds: tuple[float, ...]

@@ -129,7 +129,8 @@ class Circuit:
 
     def start_moved_by(self, action: actions.Action) -> Floats | None:
         """What a number of 1 adds to the start (states,); None where the action leaves it. A start that was measured is
-        as wrong as its sensor: where that reads too much, the motor is colder. First order, about `initial`."""
+        as wrong as its sensor: where that reads too much, the motor is colder. To first order, about the `initial`
+        temperatures."""
         match action:
             case actions.Start(node):
                 nodes = np.zeros(self.n)

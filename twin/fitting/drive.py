@@ -107,7 +107,8 @@ class Drive:
         return np.where(u > LEAST_INPUT, 1 / (scale * np.maximum(u, LEAST_INPUT)), 0.0)
 
     def feature(self, name: str, rms: float) -> tuple[int, float]:
-        """The row of `features` with a product of features, and 1 / rms; 0 for what is nowhere in the tests."""
+        """The row of `features` with a product of features, and 1 / rms;
+        0 for what is nowhere in the tests that gave its rms."""
         factor = 1 / rms if rms else 0.0
         if name == "constant":
             return 0, factor

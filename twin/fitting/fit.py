@@ -226,7 +226,8 @@ class _About:
         return min(1.0, MOST_BEND * most / size) if size > 0.0 else 1.0
 
     def moved(self, beta: Floats) -> _About | None:
-        """The linearisation about another vector, brought within the bounds; None where the run is not finite there."""
+        """The same linearisation about another vector, brought within the bounds; None where the run leaves the finite
+        numbers there."""
         beta = np.clip(beta, self.model.low, self.model.high)
         try:
             series = self.model.residuals(beta)

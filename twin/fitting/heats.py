@@ -28,7 +28,8 @@ class Heats:
     heats and change of its start: made once, for any vector.
 
     `heated` (H,): columns that bring heat, in rising order; the `loads` count them, and leave others out. `started`
-    (S,): those that change the start alone; each a mixture, by `shares` (K, S), of K starts that are marched."""
+    (S,): those that change the start alone; each is a mixture, by `shares` (K, S), of K starts that are marched for all
+    of them."""
 
     def __init__(self, circuit: Circuit, wanted: Sequence[tuple[int, Action, int]]) -> None:
         self.circuit = circuit

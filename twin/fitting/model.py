@@ -163,7 +163,8 @@ class Model:
         return self._marches[test].columns(self._run(test, beta), at, extra)
 
     def course(self, test: int, beta: Floats) -> tuple[Floats, Floats, Floats]:
-        """Temperatures at the edges (N + 1, n), step means (N, n) [degC], each term's own (N, terms) [W or W/K]."""
+        """Temperatures at the edges (N + 1, n), step means (N, n) [degC],
+        and what every term carries (N, terms) [W or W/K]."""
         ran = self._run(test, beta)
         n = len(self.network.nodes)
         return ran.edges[:, :n], ran.means[:, :n], ran.values.T

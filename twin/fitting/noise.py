@@ -154,7 +154,8 @@ def _whiten(gains: Array, states: Array, x: Array) -> None:
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def deviance(t: Array, white: Array, x: Array, v_a: float, tau_a: float, v_o: float, tau_o: float) -> float:
-    """`ln|R| + sum of (W X)^2`: minus twice the log likelihood of columns x (B, k) of one R, up to a constant."""
+    """`ln|R| + sum of (W X)^2`: minus twice the log likelihood of columns x (B, k) that share one R,
+    up to a constant."""
     gains = filter_gains(t, white, v_a, tau_a, v_o, tau_o)
     whitened = x.copy()
     _whiten(gains, np.zeros((2, x.shape[1])), whitened)

@@ -13,7 +13,8 @@ Floats = NDArray[np.float64]
 
 def stamped_means(cut: Blocks, late_steps: Floats) -> csr_array:
     """(B, N + 1): the means of the blocks that are there, of readings at the edges of N steps, between which they are
-    linear. The stamps at the edges are `late_steps` (N + 1,) late; first and last reading hold beyond the ends.
+    linear. The stamps at the edges are `late_steps` (N + 1,) late; the first and the last reading hold beyond the
+    ends.
 
     Of two blocks of 2 steps, read at the ends of the steps and 1 step late, it is
 

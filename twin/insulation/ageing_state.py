@@ -28,7 +28,8 @@ READS = np.array([1.0, -1.0, 0.0])  # m, g, r -> ln R
 
 @dataclass(frozen=True)
 class Check:
-    """A check: the dose before it [h], ln of its thermal resistance and the sd of that, repeatability included."""
+    """An evaluated check: the dose before it [h], and the logarithm of its thermal resistance with its sd, in which
+    repeatability is included."""
 
     dose_h: float
     ln_resistance: float
@@ -55,7 +56,8 @@ class State:
 
 def filtered(specimens: Sequence[Sequence[Check]], law: Ageing) -> list[tuple[State, ...]]:
     """The state after each check of each specimen, from this and its earlier ones, all specimens side by side. Checks
-    in the order of doses; `law`: what is known of the rates. ValueError where a dose falls, or an sd is not above 0."""
+    in the order of their doses; `law`: what is known of the rates beforehand. ValueError where a dose falls, or an sd
+    is not above 0."""
     _refuse(specimens)
     order = sorted(range(len(specimens)), key=lambda i: -len(specimens[i]))  # those with a next check are the first
     found: list[list[State]] = [[] for _ in specimens]
@@ -107,7 +109,8 @@ def _read(mean: Floats, covariance: Floats, y: Floats, sd: Floats) -> tuple[Floa
 
 
 def onwards(state: State, dose_h: float, law: Ageing) -> State:
-    """The state at a later dose, without a check, as between two checks. Up to the state's own dose it is the same."""
+    """The state at a later dose, without a check: what a session between two checks has. Up to the state's own dose it
+    is the same."""
     to_h = max(dose_h, state.dose_h)
     covariance = np.zeros((3, 3))
     covariance[G, G], covariance[R, R] = state.ln_factor_sd**2, state.rate_sd**2

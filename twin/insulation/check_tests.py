@@ -27,7 +27,8 @@ START_K, START_SHARE = 0.1, 0.2  # sd of a node's start about the others; more b
 def coarse(test: Test) -> Test:
     """The test in steps of one block (10 s), without meters; an end that fills no step is left out.
 
-    Inputs, boundaries and features are means over a step; a channel is its samples' mean there, at their mean place.
+    Inputs, boundaries and features are means over a step; a channel is the mean of its samples there, at their mean
+    place in the step.
     """
     many = max(1, round(BLOCK_S / test.frame.step_s))
     steps = len(test.frame.features) // many
@@ -155,7 +156,8 @@ def every_s(test: Test) -> float:
 
 def minutes_of_switches(network: Network, test: Test, minutes: float) -> Test | None:
     """The test with only the samples from 2 min before to `minutes` after its load is switched on and off; None where
-    neither switch has so many minutes recorded after it. A record that begins warm and loaded holds no switching on."""
+    neither switch has so many minutes recorded after it. A record that begins warm and under load holds no switching
+    on."""
     found = load(network, test)
     if found is None:
         return None

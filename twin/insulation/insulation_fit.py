@@ -66,7 +66,8 @@ def insulated(network: Network) -> bool:
 
 
 def over_checks(network: Network, tests: Sequence[Test], emissivity_free: bool) -> OverChecks:
-    """The insulation of a checked network at each of `tests`, one a check; a channel's name is of one place.
+    """The insulation of a checked network at each of `tests`, one for each check; channels at different places have
+    different names.
 
     `emissivity_free`: radiation is left free in each check, so that the level of the curves says nothing about the
     surfaces. Raises ValueError where there is no test or no insulation, `DivergedError` where a run leaves the finite

@@ -1,4 +1,5 @@
-"""A coefficient that goes with a specimen's earlier heat: its law in the motor file, and the network as it is now.
+"""A coefficient that goes with a specimen's earlier heat: the law in the motor file, and the network as a specimen
+has it now.
 
 A dose is a number of hours above a temperature. It does not change within a session, so a session's network is one
 with other coefficients, and no kernel sees anything of ageing.
@@ -70,7 +71,8 @@ def ageing_term(term: Term, law: Ageing) -> AgeingTerm:
 
 @dataclass(frozen=True)
 class AgeingPlace:
-    """An ageing law of a network: where its term stands (a node, or a link as `a-b`); whether that is insulation."""
+    """An ageing law of a network: where its term stands (a node, or a link as `a-b`), and whether that is
+    insulation."""
 
     place: str
     insulation: bool
@@ -117,7 +119,8 @@ def _plain(network: Network, one: Link | Source, term: Term, factors: Mapping[Ag
 
 
 def with_ageing(network: Network, law: Ageing) -> Network:
-    """The network whose insulation ages by `law`: each term of each link of copper and iron, in configurations too."""
+    """The network whose insulation ages by `law`: every term of every link of copper and iron, its configurations'
+    too."""
 
     def ageing(links: tuple[Link, ...]) -> tuple[Link, ...]:
         return tuple(

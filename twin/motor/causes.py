@@ -59,7 +59,8 @@ _TERM = re.compile(
 
 @dataclass(frozen=True, order=True)
 class Cause:
-    """A cause: what kind, where, and its law. `str(cause)` is its id; raises `CauseError` for what cannot be."""
+    """A cause: what kind, where, and the law it follows. `str(cause)` is its id;
+    raises `CauseError` for what cannot be."""
 
     kind: str
     place: str
@@ -196,7 +197,8 @@ def mirrored(name: str) -> dict[str, str]:
 
 
 def groups(names: Iterable[str]) -> dict[str, tuple[str, ...]]:
-    """Stem -> the names that differ only in `_a`/`_b` or `_1`/`_2`, in their order; no stem is a name itself."""
+    """Stem -> the names that differ only in `_a`/`_b` or `_1`/`_2`, in their order;
+    stems that are names are left out."""
     given = tuple(names)
     found: dict[str, list[str]] = {}
     for name in given:

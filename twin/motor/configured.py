@@ -15,9 +15,10 @@ E = TypeVar("E")
 def configured(network: Network, name: str | None) -> Network:
     """The network in a configuration, every coefficient shared; None: the whole motor.
 
-    What is removed takes its links, its source and its place in circuits along (the fluid flows on to the next node); a
-    circuit without inlet or nodes goes, and so does a boundary that nothing touches any more. Of the whole motor,
-    boundaries that only configurations touch are left out. Raises `ConfigurationError` without it.
+    What is removed takes its links, its source and its place in circuits along (the fluid flows on to the next node);
+    a circuit without inlet or nodes goes, and so does a boundary that nothing touches any more. Of the whole motor,
+    boundaries that only configurations touch are left out. Raises `ConfigurationError` where there is no such
+    configuration.
     """
     if name is None:
         return _without_untouched(replace(network, configurations=()), _touched_later(network))

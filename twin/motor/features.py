@@ -67,7 +67,8 @@ def scale(network: Network, feature: str) -> float:
 
 @dataclass(frozen=True)
 class Monomial:
-    """A product of features, `((feature, exponent), ...)` in fixed order, exponents above 0, times its shape or map."""
+    """A product of features to exponents, `((feature, exponent), ...)` in a fixed order, exponents above 0, times its
+    shape or map."""
 
     powers: tuple[tuple[str, float], ...]
     shape: Shape | Map | None = None
@@ -86,7 +87,8 @@ class Monomial:
     def name(self) -> str:
         """The law as in cause ids: `speed2_current2`, exponents in shortest decimals, 1 not written; `constant`.
 
-        A shape or map adds digits of its numbers' hash (`speed1.6*shape4f1c02ab`): no two products share a name.
+        A shape or map adds digits of its own numbers' hash (`speed1.6*shape4f1c02ab`), so that two products never
+        share a name.
         """
         written = "_".join(f + ("" if e == 1 else f"{e:.15g}") for f, e in self.powers) or "constant"
         if self.shape is None:
@@ -212,7 +214,8 @@ def _operating_point(table: Map, u: Mapping[str, NDArray[np.float64]]) -> tuple[
 
 
 def _shape_factor(shape: Shape, u: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
-    """What a shape multiplies by (length,): products and sums only, for the reason in `twin.arithmetic.powers`."""
+    """What a shape multiplies by (length,). Elementwise products and sums only, for the reason given in
+    `twin.arithmetic.powers`."""
     left, share = _placed(shape.speed, np.abs(u["speed"]))
 
     def between(values: tuple[float, ...]) -> NDArray[np.float64]:
@@ -238,7 +241,8 @@ def _mapped(table: Map, u: Mapping[str, NDArray[np.float64]]) -> NDArray[np.floa
 
 
 def _placed(rising: tuple[float, ...], u: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """The knot at or before each value (length,), at most the last but one, and the share of the way to the next."""
+    """The knot at or before each value (length,), the last but one at most, and the share of the way to the next
+    (length,)."""
     knots = np.array(rising)
     at = np.clip(u, knots[0], knots[-1])
     left = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, knots.size - 2)

@@ -1,4 +1,5 @@
-"""Nodes of a network become one: the sum of their capacities, losses, and conductances to each neighbour.
+"""Nodes of a network become one: the sum of their capacities and losses, and of their conductances to each other
+neighbour.
 
 The links within the new node vanish. In matrices that is `V' C V`, `V' L V`, `V' P` with one column of `V` for each
 node of the new network, so no heat is lost.
@@ -15,7 +16,8 @@ from twin.motor.network import Configuration, Link, Network, Node, Source, Term
 
 
 def merged(network: Network, groups: Mapping[str, Sequence[str]]) -> Network:
-    """The network in which each of `groups`, name -> nodes, is one node, in the place of its first; all else stays.
+    """The network in which each of `groups`, name -> nodes, is one node, in the place of its first; all else stays as
+    it is.
 
     Terms of the same features and factors add up; a prior's sd is that of the sum of what is added, each known by
     itself, so that slices of a part (`twin.motor.slicing`) make the part again. Region: that of most capacity; limit:

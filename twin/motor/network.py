@@ -139,7 +139,8 @@ class Fluid:
 
 @dataclass(frozen=True)
 class FluidCircuit:
-    """Fluid from the boundary `inlet` through `nodes` in order: node i takes rho cp V (T_{i-1} - T_i).
+    """Fluid from the boundary `inlet` through `nodes` in order: node i takes rho cp V (T_{i-1} - T_i), the first from
+    the inlet.
 
     `flow`: the feature of the volume flow V, a magnitude: a flow that reverses goes the same way round. rho cp is
     that of the fluid that comes, at the temperature T_{i-1}.

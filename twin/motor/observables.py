@@ -59,12 +59,14 @@ class Measurand:
 
 
 def copper_slope(copper: Copper, reference_degC: float) -> float:
-    """The slope [1/K] about a reference of a resistance that goes with `1 + alpha (T - copper's reference)`."""
+    """The slope [1/K] about a reference temperature of a resistance that goes with `1 + alpha (T - copper's
+    reference)`."""
     return copper.alpha_per_K / (1 + copper.alpha_per_K * (reference_degC - copper.reference_degC))
 
 
 def lagged_means(means: Floats, tau_s: float, step_s: float) -> Floats:
-    """Means over the steps (..., N) of values constant in each, through a first-order lag, in equilibrium at first."""
+    """Means over the steps (..., N) of what is constant within each step, through a first-order lag; in equilibrium
+    at the first."""
     if tau_s <= 0.0:
         return means
     from scipy.signal import lfilter  # brings all of scipy.stats along, a third of a second that few need

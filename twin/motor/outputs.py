@@ -57,7 +57,8 @@ class Blocks:
 
 
 def blocks(samples: Floats, place: Floats, step_s: float) -> Blocks:
-    """Cut N steps into blocks of 10 s. `samples` (N,): usable ones in each; `place` (N,) in [0, 1]: their mean time."""
+    """Cut N steps into blocks of 10 s. `samples` (N,): usable ones in each step; `place` (N,) in [0, 1]: their mean
+    time within it."""
     length = max(1, round(BLOCK_S / step_s))
     starts = np.arange(0, samples.size, length)
     total = np.add.reduceat(samples, starts)

@@ -82,7 +82,8 @@ def link_growth(link: Link, term: Term, regions: dict[str, str]) -> Growth:
 
 
 def loss_growth(term: Term, region: str) -> Growth:
-    """How a loss grows, by what makes the heat: copper by its factors and features, the rest by its node's region."""
+    """How a loss grows, by what makes the heat: copper by its factors and features, the rest by the region of its
+    node."""
     if term.copper or term.resistance or region == "copper":
         alternating = term.resistance or term.exponents.get("speed", 0.0) > 0
         return EDDY if alternating else COPPER_DC

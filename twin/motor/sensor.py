@@ -14,7 +14,8 @@ Floats = NDArray[np.float64]
 @dataclass(frozen=True)
 class Sensor:
     """A channel that is compared with the model. `name`: as in the log; `weights`: node -> share of what it follows,
-    sum 1; `bus`: what stamps its samples; `level`: "production" if every motor has one, "testing" if only benches do.
+    sum 1; `bus`: what stamps its samples; `level`: "production" where every motor has one, "testing" where only a test
+    bench does.
 
     In K, of a meter in its own unit: `noise` (one standard deviation, white) and `resolution` of one sample, `bias_sd`
     of its error that is constant in a session. `time_constant_s`: of its known first-order lag.

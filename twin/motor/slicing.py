@@ -195,7 +195,8 @@ def _halves(link: Link) -> bool:
 
 
 def _along(network: Network, row: Sequence[_Part], slices: int, length_m: float) -> Iterator[Link]:
-    """Links from slice to slice: the file's between halves, their middles L / halves apart, else the material's."""
+    """Links from slice to slice: the file's own between halves, whose middles are L / halves apart, else the
+    material's."""
     own = _said(network.links, row, slices)
     if own:
         yield from own

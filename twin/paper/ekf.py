@@ -192,7 +192,8 @@ def _move(rates: Rates, weights: Floats, lag: Floats, state: Index, step_s: floa
 def _meet(
     rates: Rates, weights: Floats, lag: Floats, state: Index, step_s: float, m: Floats, at: Index, x: Floats
 ) -> None:
-    """Have x (S, 1) as predicted meet the capacitor equation, linear about it, by raising w; x in `ahead` too."""
+    """Have x (S, 1) as predicted meet the capacitor equation, linear about it, by what w has to be more; x in `ahead`
+    too."""
     n, size = rates.n, rates.size
     for i in range(n):
         m[u(rates.right + i)] = 2.0 / step_s * m[u(rates.heat + i)] - m[u(rates.own + i)] * x[n + i, 0]

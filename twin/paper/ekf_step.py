@@ -161,7 +161,8 @@ def solve(rates: Rates, m: Floats, at: Index) -> None:
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def metered(rates: Rates, m: Floats, at: Index, j: int, x: Floats, q: int) -> float:
-    """What meter j of heat reads [W] of x (S, 1), by `psi`, `amounts`, `terms`; slopes go into reading q's `shares`."""
+    """What meter j of heat reads [W] of x (S, 1), by `psi`, `amounts` and `terms`; its slopes become `shares` of
+    reading q."""
     n, heats, shares = rates.n, rates.heats, rates.shares + q * rates.length
     signs = rates.signs + j * rates.laws.total
     for i in range(rates.size):

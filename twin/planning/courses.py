@@ -84,7 +84,8 @@ def blocks(minutes: float) -> int:
 
 
 def courses(bench: BenchRange) -> Iterator[Proposed]:
-    """Every test at its longest; each begins at no speed and load, so that a bench has a block to get there."""
+    """Every test at its longest; each begins at no speed and load, so that a bench has a block
+    to get there."""
     ones = np.ones(blocks(MINUTES[-1]))
     seconds = BLOCK_S * np.arange(len(ones))
     first_half = seconds % (2 * 60 * STEP_MIN) < 60 * STEP_MIN

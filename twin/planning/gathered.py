@@ -68,7 +68,8 @@ class Ground:
 
     @cached_property
     def lower(self) -> Floats:
-        """L (p, p), lower, of what the fit's tests and priors say of the p shared parameters, with precision L L'."""
+        """L (p, p), lower, of what the fit's tests and the priors say of the p shared parameters: L L' is their
+        precision."""
         found: Floats = cholesky(self.known.gram, lower=True)
         return found
 

@@ -29,7 +29,8 @@ class Multiples:
 
     @classmethod
     def of(cls, candidates: Sequence[Parameter], vector: Sequence[Parameter], test: Test) -> Multiples:
-        """Exact: actions are equal, or features to the last bit. A candidate of one test is nothing in another."""
+        """Exact: actions are equal, or features go alike to the last bit. A candidate of one recorded test is nothing
+        in another."""
         rows = {**test.features, "constant": np.ones(len(test.frame.features))}
         courses = {name: _course(row) for name, row in rows.items()}
         there: dict[Hashable, tuple[int, float]] = {}

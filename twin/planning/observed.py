@@ -2,7 +2,8 @@
 
 A thermocouple that is there and was not read comes as it is, and a new one is as good as the best that there is. A
 power or heat is read to `HEAT_SHARE`, power with the mechanical power in it; the winding's resistance at standstill
-without current, as after switch-off; the magnets' flux, by the voltage induced where the motor turns without load.
+without current, as after switch-off; the magnets' flux, by the voltage that they induce, where the motor turns
+without load.
 """
 
 from __future__ import annotations

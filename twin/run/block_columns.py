@@ -1,4 +1,5 @@
-"""What each coefficient, capacity and initial temperature does to thermometers in an open-loop run, block by block.
+"""What every coefficient, capacity and initial temperature does to what thermometers read in an open-loop run, block
+by block.
 
 All columns go through the run once, side by side (`twin.run.sparse_march`): the derivatives of its discrete scheme
 itself, for a network of any size, with nothing compiled a motor. They come a few blocks at a
@@ -66,7 +67,8 @@ def block_columns(
     thermometers: Sequence[Thermometer],
     wanted: Sequence[int] | None = None,
 ) -> Iterator[Floats]:
-    """Derivatives (b, m, P) of m thermometers' means over b blocks, some at a time, of a run from `initial` (n,).
+    """Derivatives (b, m, P) of the means of m thermometers over b blocks, for some blocks at a time, of a run from
+    `initial` (n,).
 
     The columns are, in this order: coefficients, those of `features.terms`, then of `features.streams` [K per W or
     W/K]; capacities [K per J/K]; initial temperatures [K/K]; or the `wanted` ones of these places. The blocks of all

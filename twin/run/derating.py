@@ -1,4 +1,5 @@
-"""Derating: how a controller takes current back as what it watches gets hot, and how it would with better eyes."""
+"""Derating: how a controller takes current back as what it watches becomes hot, and how it would have with better
+eyes."""
 
 from __future__ import annotations
 

@@ -166,7 +166,8 @@ def _adds(term: Term) -> bool:
 
 
 def _negative(source: Source) -> list[str]:
-    """A warning where the node's summed loss falls below zero for features within 0..1, temperature factors aside."""
+    """A warning where the node's summed loss falls below zero for features within 0..1, factors of temperature
+    aside."""
     used = sorted({f for term in source.terms for f in features.monomial(term).features})
     if all(_adds(term) for term in source.terms) or len(used) > 4:
         return []

@@ -1,4 +1,5 @@
-"""How much load a motor bears at a speed, for ever or some seconds, until a node is at its limit; how sure that is."""
+"""How much load a motor bears at a speed, for ever or for some seconds, until a node is at its limit; and how sure
+that is."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The derivatives of one number of a run by every coefficient, capacity and initial temperature, in two runs' time.
+"""The derivatives of one number made of a run's temperatures by every coefficient, capacity and initial temperature,
+in two runs' time.
 
 Exact for the discrete scheme, backwards from the last step to the first (`twin.compiled.codegen_gradient`): the
 hottest magnet of a run and how sure it is, the load that a node bears, a squared error. Of many numbers,
@@ -31,7 +32,8 @@ class Gradient:
 
 
 def gradient(compiled: Compiled, frame: Frame, temperatures: Floats, weights: Floats) -> Gradient:
-    """The derivatives of the sum of `weights` times `temperatures` (N + 1, n), which `simulate` gave for the `frame`.
+    """The derivatives of the sum of `weights` (N + 1, n) times `temperatures` (N + 1, n), which `simulate` gave for
+    the `frame`.
 
     What follows the last weight that is not zero costs nothing. Raises `FrameError` for a network of the index form
     or another method than the default.

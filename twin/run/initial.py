@@ -112,6 +112,7 @@ def _links_away(links: NDArray[np.float64], known: Mapping[int, float]) -> NDArr
 
 
 def time_constants(network: Network, features_row: NDArray[np.float64]) -> dict[str, float]:
-    """Node -> C / sum of conductances [s] at features (m,): how fast it follows its neighbours; infinite alone."""
+    """Node -> C / sum of its conductances [s] at features (m,): how fast it follows its neighbours; infinite where it
+    has none."""
     total = conductances(network, features_row).sum(axis=1)
     return {node.name: node.capacity / total[i] if total[i] > 0 else np.inf for i, node in enumerate(network.nodes)}

@@ -146,7 +146,8 @@ def _incidence(laws: Sequence[Law], n: int) -> Floats:
 
 
 def _linear(table: Table, about: Floats, at: Floats) -> Floats:
-    """psi (L, N) of laws at temperatures `at` (P, N) of every place, made linear about temperatures `about` (P, N)."""
+    """psi (L, N) of laws at temperatures `at` (P, N) of every place, as it is when made linear about temperatures
+    `about` (P, N)."""
     found = np.empty((len(table.places), about.shape[1]))
     _linear_psi(table.places, table.numbers, table.copper, about, at - about, found)
     return found

@@ -22,7 +22,8 @@ NEAR = 0.06  # of the largest speed and load: how far a recorded cell speaks
 
 
 class OperatingMap:
-    """All recorded steps: `speed` and `load` (N,), at least 0, and `inputs`, name -> (N,); NaN where unknown."""
+    """All recorded steps: `speed` and `load` (N,), at least 0, and `inputs`, name -> (N,), in any units; NaN where
+    unknown."""
 
     def __init__(self, speed: Floats, load: Floats, inputs: Mapping[str, Floats]) -> None:
         there = np.isfinite(np.stack([speed, load, *inputs.values()])).all(axis=0)

@@ -1,4 +1,5 @@
-"""From many nodes to few: coupled nodes are merged greedily, by how much that would move temperatures of interest.
+"""From many nodes to few: coupled nodes are merged greedily, by how much a merger would move the temperatures of
+interest.
 
 A merged node is the sum of its members (`twin.motor.merging`). Nodes of a circuit are merged with the next ones of
 the same circuit only, so that the fluid goes on flowing through each node once.
@@ -40,7 +41,8 @@ LEADING = 8  # pairs that are run at each size below
 
 @dataclass(frozen=True)
 class FullRun:
-    """One session: inputs of N steps for the full network, and its own temperatures (N + 1, n) [degC] in them."""
+    """One session: inputs `frame` of N steps for the full network, and the full network's own temperatures (N + 1, n)
+    [degC] in them."""
 
     frame: Frame
     temperatures: Floats
@@ -202,7 +204,8 @@ class _Work:
         return share
 
     def pairs(self, state: _State) -> list[tuple[int, int]]:
-        """Coupled pairs of groups, least estimate first; two with nodes of `apart` only without any other pair."""
+        """Coupled pairs of groups, least estimate first; two with nodes of `apart` only where there is no other
+        pair."""
         member = (self._shares(state) > 0).astype(np.float64)
         between = member.T @ self._between @ member
         coupled = (np.triu(between + between.T, 1) > 0) & _may_join(state.network)
@@ -213,7 +216,8 @@ class _Work:
         return [(int(first[p]), int(second[p])) for p in np.argsort(cost, kind="stable")]
 
     def estimates(self, state: _State, first: NDArray[np.intp], second: NDArray[np.intp]) -> Floats:
-        """Root mean square (pairs,) [K] that merging groups `first` and `second` would add at the nodes of interest."""
+        """Root mean square (pairs,) [K] that merging groups `first` and `second` is expected to add at the nodes of
+        interest."""
         share = self._shares(state)
         member = (share > 0).astype(np.float64)
         balance, capacity = member.T @ self._balance @ member, member.T @ self._capacity

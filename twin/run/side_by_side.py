@@ -43,7 +43,8 @@ def simulate_all(compiled: Compiled, frames: Sequence[Frame], initials: Sequence
 
 
 def _groups(frames: Sequence[Frame]) -> Iterator[list[int]]:
-    """Indices of sessions that go together, at most `LANES`: of one step size, about equally long, the longest last."""
+    """Indices of sessions that go together, at most `LANES`: with one step size, and about as long as each other, the
+    longest last."""
     order = sorted(range(len(frames)), key=lambda s: (frames[s].step_s, len(frames[s].features)))
     for _, equal in itertools.groupby(order, key=lambda s: frames[s].step_s):
         group = list(equal)
@@ -58,9 +59,11 @@ def _together(
     out: Sequence[Floats],
     chunk: Sequence[Floats],
 ) -> None:
-    """Fill `out`, an array for each session, by way of `chunk`: features, boundaries and temperatures of some steps.
+    """Fill `out`, an array for each session, by way of `chunk`: features, boundaries and temperatures of some steps
+    side by side.
 
-    A lane without a session, or whose session is over, does what the longest one does.
+    A lane without a session, or whose session is over, does what the longest one does: that is written more than
+    once.
     """
     steps, longest, n = [len(frame.features) for frame in frames], len(frames) - 1, len(compiled.network.nodes)
     features, boundaries, found = (

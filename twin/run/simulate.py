@@ -45,7 +45,8 @@ def simulate(compiled: Compiled, frame: Frame, initial: NDArray[np.float64]) -> 
 
 
 def writable(array: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The array as compiled functions ask for it: row by row in memory and writeable; itself if it is, else a copy."""
+    """The array as compiled functions ask for it, row by row in memory and free to be written: itself where it is
+    such, else a copy."""
     return np.require(array, np.float64, ("C", "A", "W"))
 
 

@@ -1,4 +1,5 @@
-"""A run by the implicit midpoint rule and what parameters do to it, for networks of any size, compiled once.
+"""A run by the implicit midpoint rule and what parameters do to it, for networks of any size, compiled once for all
+of them.
 
 Over a step of h the temperatures follow the rule (A-stable, order 2: Hairer and Wanner, Solving Ordinary Differential
 Equations II, IV.3)

@@ -19,7 +19,8 @@ likelihood.
 
 The sum is R times a factor that ageing does not change, (C_i / C)^2 in two lumps, and holds all that lies between
 thermocouple and iron, the way along the conductors too. The factor is not divided out: in a stator whose heads lose
-heat, where some of the copper idles, it is not that of two lumps. The course over checks is the same with and without.
+heat, where some of the copper idles, it is not that of two lumps. The course over checks is the same with and
+without.
 
 The sd is that of refits to data made from the fit with the noise of its second differences, that over the moments
 (large where the record begins under load: how warm the winding was then is not known), and `MODEL_SHARE` for what

@@ -95,7 +95,8 @@ def _of_each(specimen: Sequence[Hashable], dose_h: ArrayLike, ln_resistance: Arr
 
 
 def _against_neighbours(dose: Floats, mean: Floats, size: Ints) -> Floats:
-    """How far each inner check is off the line between its neighbours, scaled so that its sd is one check's."""
+    """How far each inner check is off the line between its neighbours, divided so that the standard deviation is one
+    check's."""
     if len(dose) < 3:
         return np.empty(0)
     share = (dose[1:-1] - dose[:-2]) / (dose[2:] - dose[:-2])  # of the later neighbour

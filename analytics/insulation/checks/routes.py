@@ -102,7 +102,8 @@ def evaluate_by(one: Read, routes: Sequence[Route]) -> CheckResistance:
 
 
 def answered(one: Read, found: Iterable[tuple[str, ResistanceEstimate | str]]) -> CheckResistance:
-    """The check with the first estimate that is sure enough; `found`: route -> its estimate, or why there is none."""
+    """The check with the first estimate that is sure enough; `found`: the name of each route with its estimate, or
+    why it has none."""
     if one.check is None:
         return one.told
     reasons: dict[str, None] = {}  # in order, each once

@@ -181,7 +181,8 @@ def _felt(t_s: Floats, air: Floats, tau_s: float) -> Floats:
 
 
 def _inflated(residual: Floats) -> Floats:
-    """Variance (k,) of the noise, larger by as much as its block-to-block correlation makes a mean less certain."""
+    """Variance (k,) of the noise, larger by as much as its correlation from block to block makes a mean less
+    certain."""
     squares = np.sum(residual**2, axis=0)
     lag = np.clip(np.sum(residual[1:] * residual[:-1], axis=0) / np.maximum(squares, 1e-300), 0.0, MOST_LAG)
     return np.asarray(np.maximum(squares, 1e-300) / max(len(residual) - PARAMETERS, 1) * (1.0 + lag) / (1.0 - lag))

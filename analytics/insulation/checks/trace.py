@@ -102,7 +102,8 @@ def loaded(trace: CheckTrace, left_out: Collection[str]) -> Loaded | str:
 
 
 def _ambient(degC: Floats, t_s: Floats) -> Floats | None:
-    """Mean of the ambient channels (N,) [degC], linear over missing samples; each counts only while it is there."""
+    """Mean of the ambient channels (N,) [degC], a straight line over missing samples; a channel with gaps counts only
+    while it is there."""
     if not degC.shape[1]:
         return None
     there = np.isfinite(degC)

@@ -69,7 +69,8 @@ def courses(form: str, x: Floats, at: Floats, turns: int) -> Courses | None:
 
 
 def courses_of_all(x: Floats, at: Floats, turns: int) -> Courses:
-    """The courses of every form that has enough checks, form after form; weights sum to the number of forms."""
+    """The courses of every form for which the checks are enough, one form after the other; weights sum to the number
+    of forms."""
     found = [given for form in CHANGING if (given := courses(form, x, at, turns)) is not None]
     return Courses(*(np.concatenate([getattr(given, of.name) for given in found]) for of in fields(Courses)))
 
@@ -149,7 +150,8 @@ def _pairs(first: Floats, second: Floats) -> Floats:
 def _joined(
     parts: list[tuple[Floats, float, tuple[float, float]]], turn: Floats, cell: Floats, level: Floats | None = None
 ) -> Courses:
-    """The courses of several parts, each as columns, the weight of the whole part, and the sd of its amplitudes."""
+    """The courses of several parts, each given as columns, the weight of the whole part, and the standard deviations
+    of its amplitudes."""
     columns = np.concatenate([part for part, _, _ in parts])
     weight = np.concatenate([np.full(len(part), w / len(part)) for part, w, _ in parts])
     sds = np.concatenate([np.tile(sd, (len(part), 1)) for part, _, sd in parts])

@@ -216,7 +216,8 @@ def _rates(trace: _Trace) -> Floats:
 
 
 def _after_a_pause(trace: _Trace, left: int, first: int, level: float) -> int:
-    """Where heating begins if the log paused at the foot: the first sample after the gap, where still near the foot."""
+    """Where heating begins if the log paused at the foot: the first sample after the gap, where that is still near
+    the foot."""
     gaps = left + 1 + np.flatnonzero(~trace.known[left:first])
     foot = trace.value[left]
     near = gaps[trace.value[gaps] < foot + PAUSE_SHARE * (level - foot)]

@@ -113,7 +113,8 @@ def _of_points(what: Callable[[Floats, Floats], Floats], off: Floats, variance: 
 
 
 def _cells(off: Floats, variance: Floats, points: Floats) -> tuple[Floats, Floats]:
-    """At each point, by how many sds each of m slopes is above each cell (k, m, cells), and these (k, m, cells)."""
+    """At each point, by how many standard deviations each of m slopes is above each cell (k, m, cells), and these
+    (k, m, cells)."""
     shift, tau, g = points.T[:, :, None]
     middle = shift + tau * np.where(g > 0.0, np.expm1(g * CELLS) / np.where(g > 0.0, g, 1.0), CELLS)
     own = (CELL / 2.0 * tau * np.exp(g * CELLS)) ** 2

@@ -73,7 +73,8 @@ class SpecimenHealth:
 
 @dataclass(frozen=True)
 class BatchHealth:
-    """How a batch compares with the others, by its specimens' central slope [%/100 h]; the rest as of a specimen."""
+    """How a batch compares with the others, by the centre of its specimens' slopes [%/100 h]; the rest as of a
+    specimen."""
 
     batch: str
     specimens: int
@@ -173,7 +174,8 @@ class _Rows:
 
 
 def _without_bends(who: Ints, dose: Floats, y: Floats, sd: Floats) -> Floats:
-    """ln R less the bends that all courses share, so that a specimen seen early compares with one seen late."""
+    """ln R less the bends that the courses of all specimens share, so that a specimen seen early compares with one
+    seen late."""
     present, code = np.unique(who, return_inverse=True)
     bent = mixed.fit_bends(code, dose, y, sd) if len(present) else None
     if bent is None:
@@ -214,7 +216,8 @@ class _Fleet:
         return spread(self.slope, self.variance, self.group, self.batches + 1, USUAL_SHARE, LEAST_SPREAD, USUAL_WEIGHT)
 
     def among_batches(self, but: Ints) -> Spread:
-        """The fleet's centre and the spread of batches about it, without the batches `but` unless nothing is left."""
+        """The fleet's centre and the spread of batches about it, without the batches `but` unless nothing else is
+        left."""
         rest = np.setdiff1d(self.group, but)
         if not len(rest):
             rest = np.unique(self.group)
@@ -264,7 +267,8 @@ class _Fleet:
 
 
 def _without_steps(fleet: _Fleet, known: Ints, rows: _Rows, own: Slopes, rate: float) -> tuple[_Fleet, dict[int, Step]]:
-    """The fleet with slopes beside a step where it explains better what would stand out, and those steps."""
+    """The fleet with the slopes beside a step where a step explains better what would else stand out, and those
+    steps."""
     bad = np.array([k for k, test in _test_batches(fleet, rate).items() if test.outlying], np.int64)
     centre, variance = _centres(fleet, bad)
     scores, freedom = _scores(fleet, bad)

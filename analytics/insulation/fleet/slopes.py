@@ -1,9 +1,10 @@
 """The slope of every specimen's ln R over dose by itself, for many specimens at once.
 
-A line is fitted to each by weighted least squares, where errors beyond 1.5 standard deviations count less (Huber, Ann.
-Math. Statist. 35 (1964) 73, DOI 10.1214/aoms/1177703732). Standard deviations come from the given ones times one factor
-for all; a specimen that scatters more still has a factor of its own. Both are of each check against the line between
-its neighbours in dose (as in `repeatability.py`), not against the specimen's line: a bend is no error of a slope.
+A line is fitted to each by weighted least squares, where errors beyond 1.5 standard deviations count less (Huber,
+Ann. Math. Statist. 35 (1964) 73, DOI 10.1214/aoms/1177703732). Standard deviations come from the given ones times one
+factor for all; a specimen that scatters more still has a factor of its own. Both are of each check against the line
+between its neighbours in dose (as in `repeatability.py`), not against the specimen's line: a bend is no error of a
+slope.
 
 A sensor that was exchanged makes a step, and a step in the middle looks like a slope: `step_or_slope` weighs both.
 """
@@ -101,7 +102,8 @@ class _Lines:
 def _fitted(
     who: Ints, dose: Floats, y: Floats, root: Floats, pull: Floats
 ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-    """Lines weighed by pull / sd^2: sums of weights, dose less its mean, its spread, slopes, residuals over sd."""
+    """Lines with weights pull / sd^2: sums of weights, dose less its mean, its spread, slopes, and residuals over
+    sd."""
     w = root**2 * pull
     weight = np.bincount(who, w)
     centred = dose - (np.bincount(who, w * dose) / weight)[who]

@@ -25,7 +25,8 @@ SHARE = 1e-7  # of tau^2, to which it is found
 
 @dataclass(frozen=True)
 class Spread:
-    """Each group's `centre` (g,) and variance (g,), NaN and infinite of a group without values; `tau`^2 of all."""
+    """`centre` (g,) of each group and its variance (g,), NaN and infinite for a group without values; `tau`^2 of
+    all."""
 
     centre: Floats
     variance: Floats

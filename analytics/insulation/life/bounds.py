@@ -161,7 +161,8 @@ class HalvingInterval(Quantity):
 
 
 def estimate(fit: LifeFit, quantity: Quantity) -> float:
-    """psi of `quantity` by the fitted law; NaN where it has none (an index if lives do not shorten with heat)."""
+    """psi of `quantity` by the fitted law; NaN where it has none (an index where lives do not get shorter with
+    heat)."""
     return float(quantity.psi(fit, np.array(fit.location), np.array(fit.eV), np.array(fit.sigma)))
 
 
@@ -198,7 +199,8 @@ def _bounds(
 
 
 def _temperature(fit: LifeFit, location: Floats, eV: Floats, sigma: Floats, life_h: float) -> Floats:
-    """Where [degC] the median life is `life_h` [h]; NaN where heat does not shorten lives or none is that long."""
+    """The temperature [degC] at which the median life is `life_h` [h]; NaN where lives do not get shorter with heat
+    or none is that long."""
     with np.errstate(divide="ignore", invalid="ignore"):
         u = (math.log(life_h) - location - sigma * standard_quantile(fit.distribution, 0.5)) / eV
     inverse = 1.0 / (fit.centre_degC + ZERO_DEGC_IN_K) + BOLTZMANN_EV_PER_K * u

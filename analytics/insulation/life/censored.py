@@ -111,7 +111,8 @@ def _start(lives: Lives) -> tuple[Floats, Floats]:
 def _climb(
     lives: Lives, distribution: Distribution, restriction: Restriction, rows: tuple[Floats, Floats], phi: Floats
 ) -> tuple[Floats, Floats, Flags, Flags]:
-    """theta (..., r + 1) and log-likelihood (...,) at the maximum, from `phi`; `settled`, `found` as in `LineFit`."""
+    """theta (..., r + 1) and log-likelihood (...,) at the maximum, sought from `phi`; `settled` and `found` as
+    `LineFit` has them."""
     directions, base = restriction.directions, restriction.base
     # Directions are scaled by the rows' size, so that steps, curvatures and distances below are comparable.
     seen = np.sqrt(np.mean((rows[0] @ directions.T) ** 2 + (rows[1] @ directions.T) ** 2, axis=-2))
@@ -153,7 +154,8 @@ def _climb(
 
 
 def _newton(slope: Floats, hessian: Floats, total: Floats) -> Floats:
-    """The step to a slope of zero, also along directions without curvature; NaN where a derivative is not finite."""
+    """The step to where the slope is zero, along directions without any curvature too; NaN where a derivative is not
+    finite."""
     finite: Flags = np.asarray(np.isfinite(slope).all(axis=-1) & np.isfinite(hessian).all(axis=(-1, -2)))
     slope, hessian = np.where(finite[..., None], slope, np.nan), np.where(finite[..., None, None], hessian, 0.0)
     least = 1e-14 * (total - np.trace(hessian, axis1=-2, axis2=-1))
@@ -186,7 +188,8 @@ def _value_only(lives: Lives, distribution: Distribution, rows: tuple[Floats, Fl
 def _value(
     lives: Lives, distribution: Distribution, rows: tuple[Floats, Floats], theta: Floats, slopes: bool = True
 ) -> tuple[Floats, Floats, Floats]:
-    """Log-likelihood (...,) at `theta` (..., r + 1), its gradient and Hessian; -inf where delta is not above zero."""
+    """Log-likelihood (...,) at `theta` (..., r + 1), its gradient and its Hessian; -inf where delta is not above
+    zero."""
     low, high = rows
     lower, upper = np.broadcast_arrays(lives.lower, lives.upper)
     exact = lower == upper

@@ -32,9 +32,10 @@ SMALLEST_SPREAD = 1e-9  # of ln strength: below, the law goes through every spec
 
 @dataclass(frozen=True)
 class Fall:
-    """How strength falls. `start`: median strength before ageing, in the data's unit; `per_h`: fall of ln strength an
-    hour at `at_degC`; `rule`: what an hour is worth, its number with 95 % profile bounds in `between`; `sigma` of ln
-    strength, by maximum likelihood; `log_likelihood` of the strengths. `criterion`: the strength that ends a life."""
+    """How strength falls. `start`: median strength before ageing, in the unit of the data; `per_h`: fall of ln
+    strength an hour at `at_degC`; `rule`: what an hour is worth, its number with 95 % profile bounds in `between`;
+    `sigma` of ln strength, by maximum likelihood; `log_likelihood` of the strengths. `criterion`: the strength that
+    ends a life."""
 
     start: float
     per_h: float
@@ -46,7 +47,8 @@ class Fall:
     criterion: float
 
     def quantile(self, p: float, degC: float) -> float:
-        """Hours at `degC` after which the share `p` of specimens is at or below the criterion; 0: from the start."""
+        """Hours at `degC` [degC] after which the share `p` of specimens is at or below the criterion; 0 where it was so
+        from the start."""
         margin = math.log(self.start / self.criterion) + self.sigma * float(ndtri(p))
         rate = self.per_h * float(self.rule.acceleration(degC, self.at_degC))
         return max(margin / rate, 0.0)
@@ -65,7 +67,8 @@ def by_energy(
 def by_doubling(
     temperature_degC: ArrayLike, hours: ArrayLike, strength: ArrayLike, criterion: float, at_degC: float
 ) -> Fall | NoFit:
-    """As `by_energy`, with the kelvin that double the rate instead (Nelson's own form, NIST's reference problem)."""
+    """As `by_energy`, with the kelvin that double the rate instead (Nelson's own form, and NIST's reference
+    problem)."""
     return _fitted(temperature_degC, hours, strength, criterion, at_degC, Doubling, DOUBLINGS_K)
 
 

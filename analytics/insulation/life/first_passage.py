@@ -1,7 +1,8 @@
 """The life of one specimen from its checks: between which doses its path first passes the criterion.
 
 A check says more or less than its own error. The life therefore begins where the path was last surely below the
-criterion, and has ended where it was first surely above; a check too near to tell widens the interval.
+criterion, and has ended where it was first surely above; a check too near to tell widens the interval instead of
+deciding it.
 """
 
 from __future__ import annotations

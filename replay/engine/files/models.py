@@ -87,7 +87,8 @@ def known_model(facts: Facts, text: str) -> str:
 
 
 def model_of(facts: Facts, session: SessionRecorded) -> str:
-    """The model that a session's bench file names, or the one accepted for it. Raises ReplayDataError without one."""
+    """The model that a session's bench file names, or the one accepted in its place. Raises ReplayDataError where there
+    is none."""
     bench, lead = facts.bench_of(session), f"session {session.name}:"
     if bench is None:
         raise ReplayDataError(f"{lead} was ingested without a bench file: ingest it again with --bench.")

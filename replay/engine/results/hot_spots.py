@@ -1,7 +1,8 @@
 """The hottest winding and magnet of a run, limits, and what derating made of them: parts of a run's summary.
 
 A node is the mean of its lump, and where lumps of different sizes lie is not in a motor file: there a hot spot is no
-more than its node. Equal slices in a row are cells of one bar, and its profile is hotter between their middles.
+more than its node. Equal slices in a row are cells of one bar, and the bar's profile is hotter between their middles
+than any of them.
 """
 
 from __future__ import annotations

@@ -155,7 +155,8 @@ class Run:
     heat: HeatCourse | None = None
 
     def between(self, begin_ns: int, end_ns: int) -> Run:
-        """Its courses from one moment to before another, with the summary of the whole, without what a filter said."""
+        """The part of its courses from one moment to before another, with the summary of the whole, and without what a
+        filter said."""
         first, last = np.searchsorted(self.t_ns, [begin_ns, end_ns]).tolist()
         edges, steps = slice(first, last), slice(first, max(first, last - 1))
         heat = self.heat and HeatCourse(

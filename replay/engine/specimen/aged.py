@@ -188,7 +188,8 @@ def _left(store: Store, facts: Facts, session: SessionRecorded) -> _Left | None:
 def _checks(
     store: Store, event: AgeingAssessed, answer: Mapping[str, Any], specimen: str
 ) -> Sequence[Mapping[str, Any]] | None:
-    """A specimen's checks in an assessment, None without any; by its table where the answer holds only a part."""
+    """A specimen's checks in an assessment, None where it knows none; of a fleet of which the answer holds a part, from
+    its table."""
     for one in answer["specimens"]:
         if one["specimen"] == specimen:
             checks: Sequence[Mapping[str, Any]] = one["checks"]

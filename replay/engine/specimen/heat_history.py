@@ -31,7 +31,8 @@ class HoursByTemperature:
 
 @dataclass(frozen=True)
 class Trace:
-    """The specimen's hottest place [degC] over a session, `t_ns` (N,) rising, and the `channel` that shows it."""
+    """The temperature [degC] of the hottest place of the specimen over a session, `t_ns` (N,) rising, and the
+    `channel` that shows it."""
 
     t_ns: NDArray[np.int64]
     degC: Floats
@@ -63,7 +64,8 @@ class Trace:
 
 
 def hottest(channels: Iterable[ChannelData]) -> ChannelData | None:
-    """The copper channel with the highest temperature; without any, the hottest other place: never a boundary."""
+    """The copper channel with the highest temperature; without any, the hottest other place of the specimen: never a
+    boundary."""
     thermometers = (c for c in channels if c.spec.quantity == "temperature" and c.spec.role == "observed")
     own = [channel for channel in thermometers if channel.spec.region != "boundary" and len(channel.t_ns)]
     copper = [channel for channel in own if channel.spec.region == "copper"]

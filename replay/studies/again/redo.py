@@ -31,7 +31,8 @@ class Redone:
 
 def redo(store: Store, tell: Callable[[str], None] = lambda _: None) -> list[Redone]:
     """Ask again all that is stale, in the order in which it was asked: what begins from an older answer comes after it.
-    One that is refused does not stop the others. Each new answer is a fact: a redo that was stopped goes on."""
+    One that is refused does not stop the others. Each new answer is a fact of its own, so a redo that was stopped goes
+    on where it was."""
     done: list[Redone] = []
     for old in stale(store.ledger.events(), ledger_facts.at(store.ledger)).answers:
         tell(f"again: {old.name}")

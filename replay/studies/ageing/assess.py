@@ -1,4 +1,5 @@
-"""What heat has done to every specimen's insulation: doses, resistances, courses, and who is not as the others."""
+"""What heat has done to the insulation of every specimen in a store: doses, resistances, courses, and who is not as
+the others."""
 
 from __future__ import annotations
 
@@ -238,7 +239,8 @@ def _surely_changed(one: Specimen | None) -> float:
 
 
 def _law(found: Assessed, one: Specimen | None) -> AgeingLaw | None:
-    """The fleet's slope, with what specimens differ by, of three or more; else that of `one`, the surest."""
+    """The fleet's slope, with what specimens differ by, where there are three of them; else that of `one`, whose
+    course is surest."""
     from analytics.insulation.dose.arrhenius import THRESHOLD_DEGC
 
     fleet = found.fleet
@@ -253,7 +255,8 @@ def _law(found: Assessed, one: Specimen | None) -> AgeingLaw | None:
 
 
 def _published(store: Store, facts: Facts, motor: str, law: AgeingLaw) -> str:
-    """The motor file with the law in its insulation, as a child model. Raises MotorFileError where it has none."""
+    """The motor file with the law in its insulation, as a model with its parent. Raises MotorFileError where it has
+    no insulation."""
     from analytics.insulation.dose.arrhenius import THRESHOLD_DEGC
 
     parent = facts.models[motor]

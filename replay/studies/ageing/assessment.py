@@ -68,7 +68,8 @@ class OvenCycle:
 
 @dataclass(frozen=True)
 class HotHours:
-    """Hours of a session by the temperature of its specimen's hottest place, `channel` (or a vehicle's counters)."""
+    """Hours of a session by the temperature of the specimen's hottest place, `channel` (or the counters of a
+    vehicle)."""
 
     session: str
     session_name: str

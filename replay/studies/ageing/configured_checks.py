@@ -1,4 +1,5 @@
-"""DC checks through the motor file: the rig is a configuration of the motor, in which its insulation is estimated.
+"""DC checks through the motor file: the rig is a configuration of the motor, and its insulation is estimated in that
+network.
 
 Where the bench file of a specimen's checks names a configuration, all its checks are fitted together
 (`twin.insulation.insulation_fit`), by the first of three routes that serves: with the sensors on the iron; without
@@ -153,7 +154,8 @@ class Rig:
         return answers
 
     def _iron_off_by(self, left_out: Sequence[Mapping[str, str]]) -> list[float]:
-        """By how much each check's iron sensors have to be moved [K]: read before the load, as for every route."""
+        """By how much the iron's sensors of each check have to be moved [K]: read before the load, as for every
+        route."""
         from analytics.insulation.checks.zero import of_one_zero
 
         traces = [check.trace for check in self.checks]

@@ -1,4 +1,5 @@
-"""DC checks as sessions hold them: logs as arrays on common stamps, and tables of checks evaluated elsewhere."""
+"""DC checks as the sessions hold them: logs as arrays on common stamps, and tables of checks that were evaluated
+elsewhere."""
 
 from __future__ import annotations
 
@@ -105,7 +106,8 @@ def _bins(store: Store, facts: Facts, bench: str) -> Mapping[str, tuple[float, f
 
 
 def _heat(bins: Mapping[tuple[float, float], float]) -> HoursByTemperature | None:
-    """Hours spread evenly over each bin, in parts of 1 K at most: hours at its upper end are worth more."""
+    """Hours spread evenly over each bin, in parts of 1 K at most: an hour at its upper end is worth more than one at
+    its lower."""
     if not bins:
         return None
     degC, hours = [], []
@@ -117,7 +119,8 @@ def _heat(bins: Mapping[tuple[float, float], float]) -> HoursByTemperature | Non
 
 
 def trace_of(channels: Sequence[ChannelData]) -> CheckTrace:
-    """The log of a DC check on common stamps: means over steps of the slowest temperature's interval, at least 1 s.
+    """The log of a DC check on common stamps: means over steps of the slowest temperature channel's interval, at
+    least 1 s.
 
     Held, stuck and saturated samples are left out; NaN where a step has no sample. Power is its own channel, else
     voltage times current; of several of a quantity the one with the largest mean.

@@ -57,7 +57,8 @@ class Electrical:
 
 @dataclass(frozen=True)
 class Discharge:
-    """`before`: session -> hours of discharge before it [h], None where not known; then `why` says it in a line."""
+    """`before`: session -> hours of discharge before it [h], None where they are not known; then `why` says it in a
+    line."""
 
     before: Mapping[str, float | None]
     why: str | None

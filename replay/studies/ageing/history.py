@@ -1,4 +1,5 @@
-"""From sessions to what is known of each specimen: checks with the dose before each, oven cycles, all its heat."""
+"""From sessions to what is known of each specimen: its checks with the dose before each, its oven cycles, all the
+heat it had."""
 
 from __future__ import annotations
 
@@ -134,7 +135,8 @@ def histories(
 
 
 def worth_of(heat: HoursByTemperature) -> Floats:
-    """What heat is worth (4,): hours above the threshold, then all hours at it by each of `arrhenius.RULES`."""
+    """What heat is worth (4,): hours above the threshold, then what all hours are worth at it by each of
+    `arrhenius.RULES`."""
     from analytics.insulation.dose.arrhenius import RULES, THRESHOLD_DEGC, equivalent_hours
 
     above = heat.hours[heat.degC > THRESHOLD_DEGC].sum()
@@ -261,7 +263,8 @@ def _oven_cycles(sessions: Iterable[SessionRecorded], heats: Mapping[str, Trace 
 
 
 def with_tables(history: History, rows: Sequence[tuple[SessionRecorded, Evaluated]]) -> History:
-    """The history with the rows of tables: checks evaluated elsewhere, and hours counted until then.
+    """The history with the rows of tables: checks that were evaluated elsewhere, and hours that were counted until
+    then.
 
     A row of a check that says no dose has what was counted by its time, between two readouts in proportion.
     """

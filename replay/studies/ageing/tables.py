@@ -1,4 +1,5 @@
-"""The rows behind the SQL views of an assessment, written one by one: a fleet's are never in memory together."""
+"""The rows behind the SQL views of an assessment, written specimen by specimen: a fleet's are never in memory
+together."""
 
 from __future__ import annotations
 

@@ -37,7 +37,8 @@ def banded(sessions: Sequence[SessionErrors], factors: Sequence[float]) -> tuple
 
 
 def widenings(sessions: Sequence[SessionErrors]) -> list[float]:
-    """The factor for each session's band, by the errors in all others; empty with fewer than `LEAST_OTHERS`."""
+    """The factor for each session's band, by the errors in all others; empty where those are fewer than
+    `LEAST_OTHERS`."""
     if len(sessions) <= LEAST_OTHERS:
         return []
     return [widening([*sessions[:i], *sessions[i + 1 :]]) for i in range(len(sessions))]

@@ -1,4 +1,5 @@
-"""Torque over speed that a motor bears for ever, 10, 30 and 60 s, and how recorded S1 and S2 sessions ended."""
+"""Torque over speed that a motor bears for ever and for 10, 30 and 60 s, and how the recorded S1 and S2 sessions
+ended."""
 
 from __future__ import annotations
 
@@ -143,7 +144,8 @@ def envelope(
 
 
 def load_column(frames: Sequence[InputFrame]) -> str:
-    """The column of the load that all sessions have. Raises ReplayDataError where they share no speed and load."""
+    """The column of the load that all sessions have. Raises ReplayDataError where they do not share a speed and a
+    load."""
     for name in LOADS.values():
         if all({"speed_rpm", name} <= frame.inputs.keys() for frame in frames):
             return name
@@ -189,7 +191,8 @@ def ended(
     network: Network, sessions: Sequence[SessionRecorded], frames: Sequence[InputFrame], column: str
 ) -> tuple[Ended, ...]:
     """How each S1 session and each pulse of an S2 session ended. Whether it was at its load's limit is told by the
-    current wherever every session knows it: in field weakening torque is far below its largest at full current."""
+    current wherever every session knows it: in field weakening torque is far below its largest while the inverter gives
+    all it can."""
     currents = [phase_current(frame) for frame in frames]
     driven = [current for current in currents if current is not None]
     by_current = len(driven) == len(frames)
@@ -240,7 +243,8 @@ def without_lag(o: Observation, step_s: float) -> Floats:
 
 
 def phase_current(frame: InputFrame) -> Floats | None:
-    """The phase current (N,) [A rms], from its components where it is not recorded; None where those are not either."""
+    """The phase current (N,) [A rms], from its components where it is not recorded itself; None where those are not
+    either."""
     if "current_A" in frame.inputs:
         return np.abs(frame.inputs["current_A"])
     d, q = (frame.inputs.get(f"current_{axis}_A") for axis in "dq")
@@ -248,7 +252,8 @@ def phase_current(frame: InputFrame) -> Floats | None:
 
 
 def pulses(push: Floats, step_s: float) -> list[tuple[int, int]]:
-    """First step and one past the last of each pulse of current or load (N,), between S2's rests all that is loaded."""
+    """First step and one past the last of each pulse of current or load (N,): of S2 with rests between them, all that
+    is loaded."""
     loaded = push > LOADED * float(np.nanquantile(push, 0.995))
     edges = np.diff(np.r_[0, loaded.astype(np.int8), 0])
     both = zip(np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist(), strict=True)

@@ -1,4 +1,5 @@
-"""The paper's protocol over stored sessions: influence on drive cycles, fit on S1 and S2, check on drive cycles.
+"""The paper's protocol over stored sessions: influence on drive cycles, fit on S1 and S2, check and filter on drive
+cycles.
 
 The template is checked, every coefficient and capacity is weighed by what it moves on the drive cycles, the most
 influential ones are fitted to the S1 and S2 points, and the drive cycles, from which nothing was learnt, are replayed
@@ -77,9 +78,11 @@ class Protocol:
 def run_protocol(
     store: Store, facts: Facts, sessions: Sequence[SessionRecorded], model: str | None, level: str, tell: Tell
 ) -> Protocol:
-    """Run the protocol. The fitted model is published as by `calibrate`, the replays are facts as those of `replay`.
+    """Run the protocol over sessions. The fitted model is published as `calibrate` does, the replays are facts as
+    those of `replay`.
 
-    Raises ReplayDataError without S1 or S2 session, drive cycle or motor file, or what the model needs of one.
+    Raises ReplayDataError where there is no S1 or S2 session, no drive cycle, no motor file, or a session lacks what
+    the model needs.
     """
     refuse_other_rigs(sessions)
     points, drives = by_kind(sessions)
@@ -145,7 +148,8 @@ def _named_model(facts: Facts, sessions: Sequence[SessionRecorded]) -> str:
 
 
 def by_kind(sessions: Sequence[SessionRecorded]) -> tuple[tuple[SessionRecorded, ...], tuple[SessionRecorded, ...]]:
-    """The sessions to learn from and to check on. Raises ReplayDataError where either is missing, or one is neither."""
+    """The sessions to learn from and those to check on. Raises ReplayDataError where either is missing, or a session
+    is neither."""
     points, drives = (tuple(s for s in sessions if s.kind in kinds) for kinds in (POINTS, DRIVES))
     if other := [s for s in sessions if s not in points and s not in drives]:
         raise ReplayDataError(
@@ -169,7 +173,8 @@ def of_interest(network: Network) -> list[int]:
 def _proposals(
     network: Network, tests: Sequence[Test], noise: Mapping[str, ChannelNoise], taught: Floats, drives: Influence
 ) -> tuple[Proposal, ...]:
-    """The tests of the menu, each the one that adds most an hour to what recorded ones and those before it teach."""
+    """The tests of the menu, each the one that adds most an hour to what the recorded ones and those before it
+    teach."""
     offered = menu(network, tests)
     hours = [len(one.speed) * tests[0].frame.step_s / 3600 for one in offered]
     would_teach = [information(network, as_test(network, tests, one), noise) for one in offered]

@@ -1,4 +1,5 @@
-"""What each sensor is worth: withheld and estimated from the others; and a vehicle's margin to the hot spot.
+"""What each sensor is worth: withheld in turn and estimated from the others; and the margin from a vehicle's sensors
+to the hot spot.
 
 A filter as it would run in a vehicle (readings so far) estimates what the withheld channel shows. The hot spot itself
 is taken from the smoother with every channel.
@@ -268,7 +269,8 @@ def _withheld(
 
 
 def _order(recorded: Sequence[_Recorded], channels: Sequence[str], first: dict[str, float]) -> list[Left]:
-    """Greedily, at each step the channel without which the worst estimate of those done without stays smallest."""
+    """Greedily, at each step the channel without which the worst estimate of all that are done without stays
+    smallest."""
     left, gone, found = list(channels), list[str](), list[Left]()
     while len(left) > 1:
         tried = {c: first[c] if not gone else _worst(recorded, [x for x in left if x != c], [*gone, c]) for c in left}

@@ -408,7 +408,8 @@ class Diagnosis:
 
 
 def calibration_is_worse(gain: Sequence[KeptGain]) -> bool:
-    """Whether the recalibrated model is further off on kept sessions than the file as published, over all nodes."""
+    """Whether the recalibrated model is further off on the kept sessions than the file as published, in the mean over
+    the nodes."""
     return sum(one.mae_before_K for one in gain) > sum(one.published_mae_K for one in gain)
 
 

@@ -179,7 +179,8 @@ def _formula(refit: Refit, found: Size, network: Network) -> str:
 
 
 def rivals(naming: Naming, refused: Sequence[tuple[Refit, str]]) -> list[Rival]:
-    """The best candidates that were not named, and why. `refused`: terms that kept sessions spoke against, and why."""
+    """The best candidates that were not named, and why. `refused`: terms that the kept sessions spoke against, with the
+    reason."""
     chosen = {str(refit.candidate.cause) for refit in naming.accepted}
     found: dict[str, Rival] = {}
 

@@ -1,4 +1,5 @@
-"""What named terms are worth on kept sessions: log score, excess error, error by node against two baselines."""
+"""What the named terms are worth on kept sessions: log score, excess error, mean error by node against two
+baselines."""
 
 from __future__ import annotations
 
@@ -183,7 +184,8 @@ def _interval(trios: Sequence[Trio], block_s: float, over: bool) -> tuple[float,
 
 
 def _rms_where(trios: Sequence[Trio], kept: Sequence[Test], wanted: Sequence[NDArray[np.bool_]]) -> list[float]:
-    """Root mean square error before and after [K] of blocks whose mean time is in a `wanted` step; [] without any."""
+    """Root mean square error before and after [K] of the blocks whose mean time is in a `wanted` step; [] without
+    any."""
     step = [np.minimum(t[0].t_s // kept[t[0].test].frame.step_s, wanted[t[0].test].size - 1) for t in trios]
     there = [wanted[t[0].test][s.astype(np.int64)] for t, s in zip(trios, step, strict=True)]
     if not any(rows.any() for rows in there):

@@ -45,7 +45,8 @@ def offered(question: Question, campaign: Campaign, found: Found, identity: str,
 def _written(
     question: Question, campaign: Campaign, found: Found, identity: str, kept: Sequence[Test]
 ) -> tuple[dict[str, Version], str | None]:
-    """The versions, or why there are none where a file cannot say them: what was found is said all the same."""
+    """The versions, where a file can say them, and why there are none, where it cannot: what was found is said all the
+    same."""
     try:
         note = f"Recalibrated by diagnosis {identity}."
         before = version(question, campaign, found.base, (), (), note, kept)

@@ -69,7 +69,8 @@ def laws(campaign: Campaign, found: Found, causes: Sequence[Named]) -> list[LawC
 
 
 def _models(found: Found, leader: Refit) -> dict[str, Fit]:
-    """Recalibrated alone, with all that was named, and with each rival of the `leader` instead of it, by name."""
+    """Recalibrated alone, with all that was named, and with each rival of the `leader` instead of it,
+    by name."""
     named = {str(refit.candidate.cause) for refit in found.naming.accepted}
     models = {RECALIBRATED: found.base} | ({str(leader.candidate.cause): found.naming.final} if named else {})
     rivals = [one for one in _beside(found, leader) if one.ended and one.nameable and one.candidate.sayable]

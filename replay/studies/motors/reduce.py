@@ -49,8 +49,9 @@ def reduce_motor(
     hold_out: Sequence[SessionRecorded],
     tell: Callable[[str], None] = lambda _: None,
 ) -> Reduction:
-    """Merge `network` down to `to` nodes; None: to the fewest whose mean error on `hold_out` is at most `ENOUGH_K`. The
-    truth is its own run on the recorded inputs; errors count at measured nodes and the hottest winding, magnet.
+    """Merge `network` down to `to` nodes; None: to the fewest whose mean error on `hold_out` is at most `ENOUGH_K`.
+    The truth is its own run on the recorded inputs; errors count at measured nodes and at the hottest winding and
+    magnet.
 
     Raises ReplayDataError where a session lacks what the motor needs, none is given, one is on both sides, `to` is no
     number of nodes below those that the motor has, or it is left out and no session is kept or no smaller network is
@@ -141,7 +142,8 @@ def _says(
     hold_out: Sequence[SessionRecorded],
     lost: Sequence[str],
 ) -> str:
-    """What the new file says above: where it comes from, how good it is, what follows what, which rigs it lost."""
+    """What the new file says above: where it comes from, how good it is, what follows what, and which configurations
+    it lost."""
     learnt, kept = (", ".join(session.name for session in some) for some in (on, hold_out))
     sizes = f"{len(network.nodes)} nodes merged to {len(chosen.groups)}"
     lines = [f"{network.name} with its {sizes}, by its own run on {learnt}:", f"{_error(chosen.trained)}."]

@@ -93,7 +93,8 @@ class Came:
 
 
 def came(plan: PlanFile, diagnosis: Diagnosis) -> list[Came]:
-    """The named causes, then the rivals, both as in the answer; without those that have no size in the readings."""
+    """The named causes, then the rivals, both as the answer has them; those without a size in the readings are left
+    out."""
     return [*_came(plan, diagnosis.causes, True), *_came(plan, diagnosis.rivals, False)]
 
 
@@ -114,7 +115,8 @@ def _came(plan: PlanFile, told: Sequence[Named | Rival], named: bool) -> Iterato
 
 
 def unlike_the_plan(plan: PlanFile, diagnosis: Diagnosis) -> str | None:
-    """What the diagnosis learnt from other than the plan's sessions, in words; None where it is these and more."""
+    """What the diagnosis learnt from other than the plan counted on, in words; None where it is the plan's sessions and
+    more."""
     planned, learnt = set(plan.sessions), set(diagnosis.train)
     if missing := planned - learnt:
         return f"{len(missing)} of the {len(planned)} sessions that the plan counted on are not learnt from"

@@ -15,7 +15,8 @@ from twin.motor.features import above_degC
 
 def course_of(store: Store, facts: Facts, session: SessionRecorded, laws: Sequence[str]) -> dict[str, float]:
     """What the laws across sessions multiply with (`twin.fitting.actions.Course`), law -> number: `session`, how many
-    of its kind the specimen had before; `hours_above_<T>degC`, for how many hours it was hotter before, in 100 h."""
+    of its kind the specimen had before; `hours_above_<T>degC`, for how many hours it was hotter in all its sessions
+    before, in 100 h."""
     if not laws:
         return {}
     before = _before(facts, session)

@@ -1,4 +1,5 @@
-"""Stored sessions as a diagnosis takes them: steps of 1 s, features of every candidate averaged at native rate."""
+"""Stored sessions as the diagnosis takes them: steps of 1 s, features of every candidate averaged at the native
+rate."""
 
 from __future__ import annotations
 

@@ -87,7 +87,8 @@ def _refuse_short(sessions: Sequence[SessionRecorded]) -> None:
 
 @dataclass(frozen=True)
 class Since:
-    """What says a set of sessions, the least specific first, and how probable a cause acts in exactly them."""
+    """What says a set of sessions, the least specific first, and how probable it is that a cause acts in exactly
+    them."""
 
     says: tuple[str, ...]
     probability: float

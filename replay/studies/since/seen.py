@@ -53,7 +53,8 @@ class SeenElsewhere:
 
 
 def cause_of(found: Diagnosis, wanted: str | None) -> Named:
-    """The cause that is asked for, else the first with a size. Raises ReplayDataError with what there is."""
+    """The cause of a diagnosis that is asked for, its first with a size where none is. Raises ReplayDataError with what
+    there is."""
     name = f"diagnosis d-{handle(found.diagnosis)}"
     sized = [one for one in found.causes if one.stands is not None]
     if not found.causes:
