@@ -69,6 +69,7 @@ def _without_input(name: str, per: float, unit: str) -> CorrectionLaw:
 
 
 BIAS = CorrectionLaw(off=lambda reading, a, _: reading - a, turn=ADDED)  # T + a [stored unit]
+BIAS_K = replace(BIAS, unit="K")
 GAIN = CorrectionLaw(  # T (1 + a), temperatures in degC
     off=lambda reading, a, _: reading / (1.0 + a),
     both=lambda first, then: (1.0 + first) * (1.0 + then) - 1.0,
@@ -83,7 +84,7 @@ THERE_OR_NOT = CorrectionLaw(
     refusal="is there or not: its amount must be 1",
 )
 SENSOR: Mapping[str, CorrectionLaw] = {
-    "bias": replace(BIAS, unit="K"),
+    "bias": BIAS_K,
     "gain": GAIN,
     "lag": CorrectionLaw(unit="s"),  # follows T more slowly, by a first-order lag [s]: added to `time_constant_s`
     "drift": CorrectionLaw(  # T + a t
@@ -111,5 +112,5 @@ LAWS: Mapping[str, Mapping[str, CorrectionLaw]] = {
         "lag": CorrectionLaw(fits=lambda a: a >= 0.0, refusal="is no lag: its amount must be 0 or more", unit="s"),
     },
     "input": {"gain": GAIN, "bias": BIAS},
-    "boundary": {"bias": replace(BIAS, unit="K")},
+    "boundary": {"bias": BIAS_K},
 }

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ingest.bench.resolving import ResolvedChannel
 from ingest.catalogue import quality
 from ingest.catalogue.channels import MOST_VALUES, Array, ChannelData, load, load_within
-from ingest.catalogue.decoded import DecodedFile, decoded_file
+from ingest.catalogue.decoded import DecodedFile, files_of
 from ingest.catalogue.quality import STUCK_NS, WINDOW_NS, ChannelQuality, Lapse, RepeatedSamples
 from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
@@ -93,7 +93,7 @@ def _values(facts: Facts, file: Mapping[str, Any]) -> int:
 
 def in_parts(store: Store, facts: Facts, session: SessionRecorded, most: int) -> Looked:
     """A session looked through, about `most` values at a time."""
-    files = [decoded_file(store, facts, facts.decodes[file["decode"]]) for file in session.files]
+    files = files_of(store, facts, session)
     parts = _parts(session, files, most)
     specs = {source.spec.name: source.spec for one in files for source in one.sources}
     means = _Means.of(list(specs.values()), parts, most)

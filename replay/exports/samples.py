@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ingest.bench.resolving import ResolvedChannel
 from ingest.catalogue.channels import MOST_VALUES, ChannelData, load, load_within
-from ingest.catalogue.decoded import DecodedFile, decoded_file
+from ingest.catalogue.decoded import DecodedFile, files_of
 from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.texts.names import each_once
@@ -75,7 +75,7 @@ def session_rows(store: Store, facts: Facts, session: SessionRecorded, most: int
 
     Raises ExportError where there are none, DamageError where they are damaged or missing.
     """
-    files = [decoded_file(store, facts, facts.decodes[file["decode"]]) for file in session.files]
+    files = files_of(store, facts, session)
     specs = {source.spec.name: source.spec for one in files for source in one.sources}
     values = sum(one.values for one in files)
     numbers = [{entry["column"] for entry in one.decode.channels} for one in files]
