@@ -2,5 +2,6 @@
 
 Rooms from the bottom up; each imports from those before it only: `engine`, `studies`, `show`, `exports`,
 `demo`, `cli`.
-`errors` is everyone's; `shipped` finds the examples that come with the program.
+`errors` is everyone's, and so is `written`, by which a file is there whole or not at all; `shipped` finds the examples
+that come with the program.
 """

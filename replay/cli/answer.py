@@ -18,6 +18,7 @@ from ingest.texts.plain import plain_line
 from replay.cli.encoding import say, takes_all
 from replay.cli.progress import tell
 from replay.show.words.onward import DEFAULT_STORE, on_store, onward
+from replay.written import write
 
 if TYPE_CHECKING:
     from ingest.facts.store import Store
@@ -95,4 +96,4 @@ def _write_json(target: str, data: Mapping[str, Any]) -> None:
     if target == "-":
         say(text)
     else:
-        Path(target).write_text(text + "\n", encoding="utf-8", errors="backslashreplace")
+        write(Path(target), text + "\n")

@@ -20,6 +20,7 @@ def run(args: argparse.Namespace) -> Answer:
     from ingest.intake.given import opened
     from ingest.intake.inspection import draft, inspect
     from replay.show.verbs.inspection import inspection_json, inspection_text, next_step, nothing_to_draft
+    from replay.written import write
 
     databases = databases_of(args)
     with opened(args.files, databases) as given:
@@ -29,8 +30,7 @@ def run(args: argparse.Namespace) -> Answer:
     if empty:
         notes.append(empty)
     elif wanted:
-        wanted.parent.mkdir(parents=True, exist_ok=True)
-        wanted.write_text(draft(found), encoding="utf-8")
+        write(wanted, draft(found))
         lines.append(f"draft bench file: {wanted}")
     readable = list(dict.fromkeys(str(given.logs[one.path]) for one in found.files if one.reading))
     lines.append(f"next: {next_step(found, readable, args.dbc, args.bench, wanted)}")

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
-from uuid import uuid4
 
 from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
 from replay.errors import ExportError
 from replay.exports import csv, mcap, mf4, parquet, xlsx
 from replay.exports.samples import OutColumn, Part, SessionRows, session_rows
+from replay.written import written
 
 if TYPE_CHECKING:
     from ingest.facts.store import Store
@@ -63,16 +63,11 @@ def export(
 
 @contextmanager
 def whole(target: Path) -> Iterator[Path]:
-    """A path beside `target` to write to, which becomes `target` once all is written; nothing stays if it is not."""
+    """A path to write to, which becomes `target` once all is written. Raises ExportError where a file is there already,
+    or no folder."""
     if target.exists():
         raise ExportError(f"{target}: is there already: give another name with -o, or remove it first.")
     if not target.parent.is_dir():
         raise ExportError(f"{target}: there is no folder {target.parent}: make it first, or give another name with -o.")
-    path = target.with_name(f".{target.name}.{uuid4().hex[:8]}.part")
-    try:
+    with written(target) as path:
         yield path
-        path.replace(target)
-    except BaseException:
-        with suppress(OSError):  # the first error is the one to say
-            path.unlink(missing_ok=True)
-        raise

@@ -11,6 +11,7 @@ from replay.show.verbs import ageing
 from replay.show.words import words
 from replay.show.words.page import template
 from replay.studies.ageing.assessment import Assessment
+from replay.written import write
 
 
 def write_ageing_report(found: Assessment, target: Path, context: ReportContext, kept: bool = True) -> None:
@@ -30,8 +31,7 @@ def write_ageing_report(found: Assessment, target: Path, context: ReportContext,
         context=context,
         kept=kept,
     )
-    target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(page, encoding="utf-8")
+    write(target, page)
 
 
 def courses_title(found: Assessment) -> str:

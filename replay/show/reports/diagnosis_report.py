@@ -27,6 +27,7 @@ from replay.show.words import words
 from replay.show.words.figure import Plot
 from replay.show.words.page import template
 from replay.studies.diagnosis.answer import Diagnosis
+from replay.written import write
 from twin.motor.network import Network
 
 DIFF = {"+++": "file", "---": "file", "+": "added", "-": "removed"}  # start of a line -> its class
@@ -89,7 +90,7 @@ def write_diagnosis_report(
         replays=[(MODELS[key].label, models[key]) for models in shown.values() for key in MODELS if key in models],
         context=context,
     )
-    target.write_text(page, encoding="utf-8")
+    write(target, page)
 
 
 def marked(diff: str) -> list[tuple[str, str]]:

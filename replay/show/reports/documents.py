@@ -46,7 +46,6 @@ def write_replay_report(
         raise ReplayDataError(f"no session of this store was replayed{_with(facts, model)}, then report.")
     events = [_run_of(facts, session, model) for session in chosen]
     runs = [load_run(store, facts, event) for event in events]
-    target.parent.mkdir(parents=True, exist_ok=True)
     write_report(
         runs, target, context(store, command), {event.session: corrected(store, facts, event) for event in events}
     )
@@ -125,7 +124,6 @@ def write_diagnosis(
         for outcome in outcomes:
             if outcome.run:
                 runs[outcome.session.session][label] = load_run(store, facts, outcome.run)
-    target.parent.mkdir(parents=True, exist_ok=True)
     network = network_of(store, at(store.ledger), sessions[0], diagnosis.model)
     write_diagnosis_report(diagnosis, runs, network, _difference(store, diagnosis), target, context(store, command))
     return runs

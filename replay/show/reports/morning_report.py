@@ -15,6 +15,7 @@ from replay.show.verbs.morning import answer, balance, clock_lines, look_at, mea
 from replay.show.words import words
 from replay.show.words.figure import Plot
 from replay.show.words.page import template
+from replay.written import write
 
 MOST_PICTURES = 60  # of a page; sessions beyond are told without
 
@@ -46,8 +47,7 @@ def write_morning_report(found: Morning, notes: Sequence[str], target: Path, con
         kept=found.kept,
         context=context,
     )
-    target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(page, encoding="utf-8")
+    write(target, page)
 
 
 def _log(taken: Taken) -> tuple[str, ...]:

@@ -18,6 +18,7 @@ from replay.show.verbs.protocol import answer, checked, filter_notes, next_point
 from replay.show.words.figure import Plot
 from replay.show.words.page import template
 from replay.studies.characterise.protocol import Protocol
+from replay.written import write
 
 
 def write_protocol_report(store: Store, found: Protocol, target: Path, command: str) -> None:
@@ -36,8 +37,7 @@ def write_protocol_report(store: Store, found: Protocol, target: Path, command: 
         drives=[(session, _plots(runs[session.session])) for session in found.drives],
         context=context(store, command),
     )
-    target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(page, encoding="utf-8")
+    write(target, page)
 
 
 def _runs(store: Store, found: Protocol, session: str) -> Mapping[str, Run]:

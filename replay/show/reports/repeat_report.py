@@ -10,6 +10,7 @@ from replay.show.plots.morning_plots import beside
 from replay.show.reports.report import COLUMNS, ReportContext
 from replay.show.verbs.repeat import alike, answer, change_says, channel_head, channel_row, floor, not_compared
 from replay.show.words.page import template
+from replay.written import write
 
 
 def write_repeat_report(found: Repeat, target: Path, context: ReportContext) -> None:
@@ -31,5 +32,4 @@ def write_repeat_report(found: Repeat, target: Path, context: ReportContext) -> 
         changes=change_says(found),
         context=context,
     )
-    target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(page, encoding="utf-8")
+    write(target, page)

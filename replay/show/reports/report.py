@@ -25,6 +25,7 @@ from replay.show.words.findings import answer, power_balance, worst_first
 from replay.show.words.onward import DEFAULT_STORE
 from replay.show.words.page import template
 from replay.show.words.terminal import integrator_says
+from replay.written import write
 
 COLUMNS = 600  # pixel columns that a line is thinned to ...
 FILTER_LINES = 11  # of a plot of filter and smoother, its band as two
@@ -73,7 +74,7 @@ def write_report(
         notes=[(run.session_name, note) for run in runs for note in _notes(run, corrected)],
         context=context,
     )
-    target.write_text(page, encoding="utf-8")
+    write(target, page)
 
 
 def _notes(run: Run, corrected: Mapping[str, str]) -> list[str]:

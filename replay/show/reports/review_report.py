@@ -14,6 +14,7 @@ from replay.show.words.page import template
 from replay.show.words.terminal import labelled
 from replay.studies.diagnosis.answer import Named
 from replay.studies.diagnosis.review import Review, ReviewedKind
+from replay.written import write
 
 
 def write_review(found: Review, target: Path, context: ReportContext) -> None:
@@ -31,8 +32,7 @@ def write_review(found: Review, target: Path, context: ReportContext) -> None:
         verdict=verdict,
         context=context,
     )
-    target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(page, encoding="utf-8")
+    write(target, page)
 
 
 def in_files(found: Review) -> list[Named]:

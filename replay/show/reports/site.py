@@ -16,6 +16,7 @@ from typing import Any
 from ingest.errors import IngestError
 from ingest.facts.store import MARK
 from replay.errors import ReplayDataError
+from replay.written import write, written
 
 RECORD = "pages.json"
 INDEX = "index.html"
@@ -70,14 +71,16 @@ def write_site(
             continue
         tell(f"{path}, {number} of {len(wanted)}")
         try:
-            made[path] = PageMade(page.key, _put(folder / path, page.write))
+            with written(folder / path) as part:
+                course = page.write(part)
+            made[path] = PageMade(page.key, course)
             done.written.append(path)
         except IngestError as error:
             done.refused.append(f"{path}: {error}")
     done.removed.extend(_remove(folder, [path for path in before if path not in made]))
     record = json.dumps({path: asdict(page) for path, page in sorted(made.items())})
     for name, text in ((INDEX, index({path: page.course_K for path, page in made.items()})), (RECORD, record)):
-        (done.written if _put_text(folder / name, text) else done.kept).append(name)
+        (done.written if _put(folder / name, text) else done.kept).append(name)
     return done
 
 
@@ -94,25 +97,11 @@ def _numbers(said: list[Any]) -> Course:
     return [None if one is None else float(one) for one in said]
 
 
-def _put(target: Path, write: Callable[[Path], Course]) -> Course:
-    """Nobody who reads on the share sees half a page."""
-    target.parent.mkdir(parents=True, exist_ok=True)
-    part = target.with_suffix(".part")
-    course = write(part)
-    part.replace(target)
-    return course
-
-
-def _put_text(target: Path, text: str) -> bool:
+def _put(target: Path, text: str) -> bool:
     """Whether the text had to be written: it may be there already."""
     if target.is_file() and target.read_bytes() == text.encode():
         return False
-
-    def write(part: Path) -> Course:
-        part.write_bytes(text.encode())
-        return ()
-
-    _put(target, write)
+    write(target, text)
     return True
 
 

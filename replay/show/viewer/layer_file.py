@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ingest.texts.plain import plain, plain_line
 from replay.show.viewer.seen import APPLICATION, TIMELINES, path, rgba, sdk
+from replay.written import written
 
 Stamps = NDArray[np.int64]
 LETTER = 7.0  # width of one in a key
@@ -31,13 +32,14 @@ class LayerFile:
     def open(cls, id_: str, name: str, target: Path, layout: Any, absolute: bool) -> Iterator[LayerFile]:
         """The file `target` of the recording `id_`, with its layout, complete when the block ends."""
         stream = sdk().RecordingStream(APPLICATION, recording_id=id_)
-        stream.save(target, default_blueprint=layout)
-        stream.send_recording_name(plain_line(name))
-        try:
-            yield cls(stream, absolute)
-        finally:
-            stream.flush()
-            stream.disconnect()
+        with written(target) as part:
+            stream.save(part, default_blueprint=layout)
+            stream.send_recording_name(plain_line(name))
+            try:
+                yield cls(stream, absolute)
+            finally:
+                stream.flush()
+                stream.disconnect()
 
     def times(self, t_ns: Stamps) -> Any:
         """The timeline `time` in UTC, or `since_start` without absolute time: a timeline's name has one type."""

@@ -24,6 +24,7 @@ from scipy.optimize import isotonic_regression
 
 from ingest.texts.plain import plain, plain_line
 from replay.show.words.palette import INK, SOFT, with_variables
+from replay.written import write, written
 
 FONT = "DejaVu Sans"
 STYLE: Any = {
@@ -137,7 +138,8 @@ def panels(width: float, heights: Sequence[float], top: float = 0.28) -> tuple[F
 def save(figure: Figure, target: Path) -> None:
     """As `target` with the suffixes .svg and .png; the same figure gives the same bytes."""
     save_svg(figure, target.with_suffix(".svg"))
-    figure.savefig(target.with_suffix(".png"), dpi=200, metadata={"Software": None})
+    with written(target.with_suffix(".png")) as part:
+        figure.savefig(part, format="png", dpi=200, metadata={"Software": None})
 
 
 def _svg(figure: Figure, metadata: dict[str, None]) -> str:
@@ -149,7 +151,7 @@ def _svg(figure: Figure, metadata: dict[str, None]) -> str:
 
 def save_svg(figure: Figure, target: Path) -> None:
     """The same figure gives the same bytes."""
-    target.write_bytes(_svg(figure, {"Date": None}).encode())
+    write(target, _svg(figure, {"Date": None}))
 
 
 def inline_svg(figure: Figure, label: str) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 
 from replay.engine.frame.frame import column_name
 from replay.studies.planning.plan import Planned
+from replay.written import written
 from twin.fitting.model import Floats
 from twin.motor.features import is_flow, scale
 from twin.motor.network import LOADS
@@ -23,8 +24,7 @@ def write_plan(found: Planned, target: Path) -> None:
     """Time [s], what is set, and which `step` of the day it is (0 in a rest). From block to block all goes straight, in
     10 s. A folder that is not there is made."""
     table = {name: [f"{value:.7g}" for value in values] for name, values in set_values(found).items()}
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with target.open("w", encoding="utf-8", newline="") as file:
+    with written(target) as part, part.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(table)
         writer.writerows(zip(*table.values(), strict=True))
