@@ -98,7 +98,7 @@ def draft_bench(
     parts += [_phase_current(found, known, directory)]
     parts += [_NODES if places else ""]
     numbered = any(not _NUMBERS.isdisjoint(_words(one.name)) for one in signals)
-    nodes = {one: _node(_without_unit(found[one].name), numbered) for one in places}
+    nodes = _told_apart({one: _without_unit(found[one].name) for one in places}, numbered)
     parts += [_entry(found[one], one, "temperature", False, node) for one, node in nodes.items()]
     said = (*settings.get("labels", {}).values(), settings.get("days"))
     left = [one for reference, one in found.items() if reference not in known and (one.message or one.name not in said)]
@@ -212,6 +212,25 @@ def _node(name: str, numbered: bool) -> str:
         kept = kept[1:]
     node = "_".join(word if numbered and word == _OVEN_OR_4 else _place_of(word) for word in kept)
     return node if node and node[0].isalpha() else f"node_{node}".rstrip("_")
+
+
+def _told_apart(names: Mapping[str, str], numbered: bool) -> dict[str, str]:
+    """Reference -> node, of `names` by reference: those that are alike but for letters that a node cannot have are
+    numbered, "コイル温度" and "外気温" node_1 and node_2."""
+    nodes = {one: _node(name, numbered) for one, name in names.items()}
+    alike: dict[str, list[str]] = {}  # node -> the names that came to it
+    for one, node in nodes.items():
+        if names[one] not in (own := alike.setdefault(node, [])):
+            own.append(names[one])
+    return {
+        one: f"{node}_{own.index(names[one]) + 1}" if len(own := alike[node]) > 1 and any(map(_loses, own)) else node
+        for one, node in nodes.items()
+    }
+
+
+def _loses(name: str) -> bool:
+    """Whether a name has letters that are none in plain ones."""
+    return any(letter.isalpha() and not normalize("NFKD", letter).encode("ascii", "ignore") for letter in name)
 
 
 def _place_of(word: str) -> str:

@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
+from ingest.texts.encodings import encoding_of
 
 EXTENDED = np.uint32(1 << 31)  # set in `Frames.can_id` for 29-bit identifiers
 REMOTE, FD, TRANSMIT = 2, 4, 8  # bits of `Frames.flags`
@@ -278,7 +279,6 @@ ANY_TEXT = FORMATS[-1]  # what a text is taken for that looks like no other
 HEAD = 4096  # bytes that tell what a file is
 LONGEST_FIRST = 64 << 20  # bytes of a first line, below which is looked
 SECTOR = bytes(512)  # zeros, as a disk gives them back where nothing was written, or what was is lost
-UNMARKED = {rb"(?:[\t\r\n -~]\0){4}": "utf-16-le", rb"(?:\0[\t\r\n -~]){4}": "utf-16-be"}  # first letters
 CONTROLS = bytes({*range(32)} - set(b"\t\n\r\f"))  # which a text does not hold
 ENDS = dict.fromkeys(suffix for entry in FORMATS for suffix in entry.suffixes)  # of names, each once
 SUFFIXES = " ".join(ENDS)  # as help and refusals list them
@@ -336,16 +336,9 @@ def head_of(path: Path) -> bytes:
         with suppress(zlib.error):
             head = zlib.decompressobj(wbits=31).decompress(head, HEAD)
     head = head.removeprefix(codecs.BOM_UTF8)
-    if encoding := utf_16(head):
+    if encoding := encoding_of(head):
         head = head.decode(encoding, errors="replace").encode(errors="replace")
     return head
-
-
-def utf_16(head: bytes) -> str | None:
-    """The encoding of a text in UTF-16: by its mark, else by the zeros beside its first letters; None for any other."""
-    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return "utf-16"
-    return next((encoding for letters, encoding in UNMARKED.items() if re.match(letters, head)), None)
 
 
 def _below_first_line(path: Path) -> bytes:

@@ -10,8 +10,8 @@ _SPELT = {  # [ns] -> units of time, in lower case
     1.0: "ns nsec nsecs nanosec nanoseconds",
     1e3: "us µs μs usec usecs microsec microsecond microseconds mikrosekunde mikrosekunden",
     1e6: "ms msec millisecond milliseconds millisekunde millisekunden millisecondes",
-    1e9: "s sec secs sek second seconds sekunde sekunden secondi secondes segundos",
-    60e9: "min mins minute minutes minuten minuti minutos",
+    1e9: "s sec secs sek second seconds sekunde sekunden secondi secondes segundos 秒 초 сек",
+    60e9: "min mins minute minutes minuten minuti minutos 分 분 мин",
     3600e9: "h hr hrs hour hours std stunden ore heures horas",
     86_400e9: "day days tage giorni jours",
 }
@@ -19,14 +19,15 @@ UNITS_NS = {unit: in_ns for in_ns, units in _SPELT.items() for unit in units.spl
 _TIMES = (
     "time times timestamp tstamp timestring timestampepoch epoch unixtime datetime elapsed elapsedtime ts ticks "
     "filetime zeit zeitstempel datumzeit uhrzeit tempo dataora dataeora temps heure horodatage dateheure tiempo hora "
-    "fechahora"
+    "fechahora время 時間 時刻 日時 时间 日期时间 시간 일시"
 )
 TIME_NAMES = frozenset(_TIMES.split())
 X_NAMES = frozenset(("x", "xaxis", "xachse", "xvalue", "xvalues", "xwert", "xwerte"))
-DATE_WORDS = frozenset(("date", "datetime", "datum", "data", "fecha"))
+DATE_WORDS = frozenset(("date", "datetime", "datum", "data", "fecha", "дата", "日付", "日期", "날짜"))
 ZONE_WORDS = frozenset(("tz", "timezone", "zeitzone"))
 LIKE_TIME = re.compile(
     r"(?i)time|zeit|tiempo|tijd|elapsed|dauer\b|duration|sekunden|seconds|minuten|minutes|hours|stunden"
+    r"|время|時間|时间|시간"
     r"|\b(?:secs?|sek)(?:\b|_)|(?-i:\bt_?rel\b)|^second$|\bms$"
 )
 PART_OF_TIME = re.compile(

@@ -1,4 +1,4 @@
-"""Text files of any size in whole lines, packed with gzip or not, UTF-16 made UTF-8, in bounded memory."""
+"""Text files of any size in whole lines, packed with gzip or not, other encodings made UTF-8, in bounded memory."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import IO
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import GZIP, most_unpacked, utf_16
+from ingest.formats import GZIP, most_unpacked
+from ingest.texts.encodings import encoding_of
 
 BLOCK = 4 << 20  # bytes that are read at once
 LONGEST_LINE = 1 << 20  # bytes; of a longer one the first bytes are given, and a NUL for the rest of it
@@ -27,7 +28,7 @@ class TextFile:
     ended: str | None = None
     open_line: bool = False
     packed: bool = False
-    utf_16: bool = False
+    encoding: str = "utf-8"  # that it was made UTF-8 from; what is not UTF-8 is taken for cp1252 by whoever decodes it
     mark: int = 0  # bytes before the text
     left_out: int = 0  # bytes of overlong lines above this block
 
@@ -62,16 +63,16 @@ class TextFile:
             yield piece.replace(b"\r", b"\n") if old else piece
 
     def _plain(self) -> Iterator[bytes]:
-        """The pieces of the file; of one in UTF-16 as UTF-8."""
+        """The pieces of the file; of one in another encoding (`encoding_of`) as UTF-8."""
         pieces = self._pieces()
         first = next(pieces, b"")
         if first.startswith(codecs.BOM_UTF8):
             first, self.mark = first.removeprefix(codecs.BOM_UTF8), len(codecs.BOM_UTF8)
-        encoding = utf_16(first)
-        self.utf_16 = encoding is not None
+        encoding = encoding_of(first)
         if encoding is None:
             yield from chain([first] if first else [], pieces)
             return
+        self.encoding = encoding.removesuffix("-le").removesuffix("-be")
         decoder = codecs.getincrementaldecoder(encoding)(errors="replace")
         for piece in chain([first], pieces):
             yield decoder.decode(piece).encode(errors="replace")
@@ -126,7 +127,7 @@ def _decoded_line(line: bytes) -> str:
 def place_of(path: Path, line: int) -> str:
     """Where a line (from 1) of a text file stands: "line 7, byte 204", of a packed one "line 7, unpacked +204".
 
-    In UTF-16, which is made another text on the way, "line 7".
+    In another encoding, which is made another text on the way, "line 7".
     """
     text, lines, begun = TextFile(path), 1, 0  # the line that a block begins with, and its byte
     for block in text.blocks():
@@ -134,7 +135,7 @@ def place_of(path: Path, line: int) -> str:
         if line < lines + feeds or text.open_line:
             break
         lines, begun = lines + feeds, begun + len(block)
-    if text.utf_16:
+    if text.encoding != "utf-8":
         return f"line {line:,}"
     at = 0
     for _ in range(line - lines):

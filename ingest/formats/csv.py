@@ -83,12 +83,11 @@ class CsvLog(Log):
 
     def batches(self) -> Iterator[Rows]:
         """Rows in file order. Raises UnreadableLogError where the table, or its time, cannot be recognised."""
-        self.settings["encoding"] = "utf-8"
         text = self._text()
         held: list[str] = []  # of the block before
         for number, (block, next_block) in enumerate(pairwise(chain(text.blocks(), [None]))):
-            if text.utf_16:
-                self.settings["encoding"] = "utf-16"
+            if number == 0:
+                self.settings["encoding"] = text.encoding
             lines = self._decoded(block or b"", first=number == 0).split("\n")
             lines = lines[:-1] if not lines[-1] else lines
             lines = _with_header([self._headed(lines[0]), *lines[1:]]) if number == 0 else held + lines

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from xml.etree.ElementTree import ParseError
 
 from ingest.errors import DatabaseError
-from ingest.formats import utf_16
+from ingest.texts.encodings import encoding_of
 
 DBC, KCD, SYM, ARXML = "DBC", "KCD", "SYM", "ARXML"
 LOOKS: Mapping[str, str] = {  # kind -> what is found in such a file, up to LOOKED characters
@@ -81,9 +81,9 @@ def read_database(data: bytes, name: str, notes: list[str]) -> DatabaseFile:
 
 
 def _text(data: bytes) -> str:
-    """UTF-8, UTF-16, or else Windows-1252."""
+    """UTF-8, another encoding that its letters tell, or else Windows-1252."""
     try:
-        text = data.decode(utf_16(data) or "utf-8-sig")
+        text = data.decode(encoding_of(data) or "utf-8-sig")
     except UnicodeDecodeError:
         text = data.decode("cp1252", errors="replace")
     return text.replace("\r\n", "\n")

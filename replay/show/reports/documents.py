@@ -114,7 +114,7 @@ def write_diagnosis(
     store: Store, diagnosis: Diagnosis, target: Path, command: str, tell: Callable[[str], None] = lambda _: None
 ) -> dict[str, dict[str, Run]]:
     """The report of a diagnosis; returns its runs, session -> model as the report calls it -> run. Its sessions are
-    replayed first under its models, where the ledger does not have these runs."""
+    replayed first under its models, and the runs that the ledger does not have are recorded."""
     names = [*diagnosis.train, *diagnosis.held_out]
     sessions = [at(store.ledger).session(name) for name in names]
     runs: dict[str, dict[str, Run]] = {name: {} for name in names}

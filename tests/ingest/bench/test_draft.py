@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -56,6 +58,15 @@ def test_a_draft_guesses_quantity_unit_and_node() -> None:
         "ambient": ("temperature", "degC", "ambient", "input"),
         "TC_coolant": ("temperature", "degC", "coolant", "input"),
     }
+
+
+def test_names_without_a_plain_letter_are_places_of_their_own() -> None:
+    """And the one name of two messages is one place."""
+    names = ("コイル温度", "外気温", "CH 水温", "CH 油温", "T_Wicklung")
+    signals = [Signal(name, unit="degC") for name in names]
+    text = draft_bench([*signals, Signal("コイル温度", message="b", unit="degC")], {}, "a.csv")
+    nodes = re.findall(r'^node = "(.*)"', text, re.MULTILINE)
+    assert nodes == ["node_1", "node_2", "ch_1", "ch_2", "winding", "node_1"]
 
 
 def test_the_current_of_losses_is_drafted_from_its_parts_where_nothing_records_it() -> None:

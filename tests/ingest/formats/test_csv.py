@@ -89,6 +89,21 @@ def test_encoding_is_recognised(tmp_path: Path, encoding: str, said: str) -> Non
     assert (log.settings["encoding"], columns["Öl [°C]"], log.units) == (said, [20, 21], {"Öl [°C]": "°C"})
 
 
+@pytest.mark.parametrize("block", [1 << 20, 1001])  # of bytes: a character may be cut between two
+def test_names_in_shift_jis_are_those_that_were_written(
+    tmp_path: Path, block: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    r"""Of `ポ`, `表` and `ソ` the second byte is `|` or `\`: no delimiter, and nothing that ends a line."""
+    monkeypatch.setattr("ingest.formats._text.BLOCK", block)
+    rows = "".join(f"{k},{k}.5,{k},表面\r\n" for k in range(500))
+    log, t_ns, columns = read(table(tmp_path, f"時間,ポンプ出口[℃],ソレノイド電流[A],備考\r\n{rows}", encoding="cp932"))
+    assert log.settings["encoding"] == "cp932"
+    assert t_ns == [k * S_NS for k in range(500)]
+    assert columns["ポンプ出口[℃]"] == [k + 0.5 for k in range(500)]
+    assert {*columns["備考"]} == {"表面"}
+    assert log.units["ソレノイド電流[A]"] == "A"
+
+
 @pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be"])
 @pytest.mark.parametrize("mark", ["\ufeff", ""])
 @pytest.mark.parametrize("packed", [bytes, gzip.compress])

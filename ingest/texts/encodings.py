@@ -1,0 +1,40 @@
+"""In which encoding a text is written that is neither UTF-8 nor, with a letter here and there, Windows-1252."""
+
+from __future__ import annotations
+
+import codecs
+import re
+from itertools import islice
+
+UNMARKED = {rb"(?:[\t\r\n -~]\0){4}": "utf-16-le", rb"(?:\0[\t\r\n -~]){4}": "utf-16-be"}  # first letters
+# Japanese, simplified and traditional Chinese, Korean and Cyrillic as loggers there write them, and what they are told
+# from.
+WRITTEN_IN = ("cp932", "gb18030", "big5", "cp949", "cp1251", "cp1252")
+FOREIGN = re.compile(rb"[\x80-\xff]{3,}")  # which no word of a western language has: `größe` has two
+LOOKED_AT = 200  # lines with other letters than ASCII
+
+
+def encoding_of(text: bytes) -> str | None:
+    """The encoding of a text by its first bytes, as Python calls it: UTF-16, or one of East Asia or of Cyrillic, which
+    the frequencies of their letters tell (charset-normalizer). None for any other."""
+    if text.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    if wide := next((encoding for letters, encoding in UNMARKED.items() if re.match(letters, text)), None):
+        return wide
+    words = [] if text.isascii() or b"\0" in text else FOREIGN.findall(text)  # what holds a NUL is no text
+    if 2 * sum(map(_is_utf_8, words)) >= len(words):
+        return None
+    from charset_normalizer import from_bytes
+
+    whole = text.rpartition(b"\n")[0] or text  # the last line may be cut within a letter
+    lines = islice((line for line in whole.split(b"\n") if not line.isascii()), LOOKED_AT)
+    best = from_bytes(b"\n".join(lines), cp_isolation=[*WRITTEN_IN]).best()
+    return None if best is None or best.encoding == "cp1252" else best.encoding
+
+
+def _is_utf_8(word: bytes) -> bool:
+    try:
+        word.decode()
+    except UnicodeDecodeError:
+        return False
+    return True
