@@ -22,9 +22,13 @@ KEPT = 64
 
 @dataclass
 class TextFile:
-    """A text file. After `blocks()`, `ended` says why it ended early, `open_line` that no line feed ends it."""
+    """A text file. After `blocks()`, `ended` says why it ended early, `open_line` that no line feed ends it.
+
+    `as_written`: blocks are not made UTF-8, so that their bytes are counted as in the file; but for UTF-16, in whose
+    bytes lines do not show."""
 
     path: Path
+    as_written: bool = False
     ended: str | None = None
     open_line: bool = False
     packed: bool = False
@@ -69,7 +73,7 @@ class TextFile:
         if first.startswith(codecs.BOM_UTF8):
             first, self.mark = first.removeprefix(codecs.BOM_UTF8), len(codecs.BOM_UTF8)
         encoding = encoding_of(first)
-        if encoding is None:
+        if encoding is None or (self.as_written and not encoding.startswith("utf-16")):
             yield from chain([first] if first else [], pieces)
             return
         self.encoding = encoding.removesuffix("-le").removesuffix("-be")
@@ -127,9 +131,9 @@ def _decoded_line(line: bytes) -> str:
 def place_of(path: Path, line: int) -> str:
     """Where a line (from 1) of a text file stands: "line 7, byte 204", of a packed one "line 7, unpacked +204".
 
-    In another encoding, which is made another text on the way, "line 7".
+    In UTF-16, which is made another text on the way, "line 7".
     """
-    text, lines, begun = TextFile(path), 1, 0  # the line that a block begins with, and its byte
+    text, lines, begun = TextFile(path, as_written=True), 1, 0  # the line that a block begins with, and its byte
     for block in text.blocks():
         feeds = block.count(b"\n")
         if line < lines + feeds or text.open_line:

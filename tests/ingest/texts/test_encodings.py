@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from ingest.formats import recognise
+from ingest.formats._text import place_of
 from ingest.texts.encodings import encoding_of
 
 HEADS = {
@@ -38,6 +39,12 @@ def test_western_letters_and_utf_8_need_none(head: str) -> None:
     assert encoding_of("→ 温度,回転数\n".encode() + "Tür zu\n".encode("cp1252")) is None, (
         "UTF-8 with a line that is not"
     )
+
+
+def test_a_line_is_found_at_its_byte_in_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_bytes("時間,コイル温度\n0,20\n1,備考\n2,21\n".encode("cp932"))
+    assert place_of(path, 4) == f"line 4, byte {path.read_bytes().index(b'2,21')}"
 
 
 def test_a_binary_file_is_no_text_in_a_foreign_encoding(tmp_path: Path) -> None:
