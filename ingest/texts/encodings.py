@@ -21,12 +21,14 @@ def encoding_of(text: bytes) -> str | None:
         return "utf-16"
     if wide := next((encoding for letters, encoding in UNMARKED.items() if re.match(letters, text)), None):
         return wide
-    words = [] if text.isascii() or b"\0" in text else FOREIGN.findall(text)  # what holds a NUL is no text
-    if 2 * sum(map(_is_utf_8, words)) >= len(words):
+    whole = text.rpartition(b"\n")[0] or text  # the last line may be cut within a letter
+    if b"\0" in whole or _is_utf_8(whole):  # what holds a NUL is no text
+        return None
+    words = FOREIGN.findall(whole)
+    if 2 * sum(map(_is_utf_8, words)) >= len(words):  # damaged, or with western lines in it
         return None
     from charset_normalizer import from_bytes
 
-    whole = text.rpartition(b"\n")[0] or text  # the last line may be cut within a letter
     lines = islice((line for line in whole.split(b"\n") if not line.isascii()), LOOKED_AT)
     best = from_bytes(b"\n".join(lines), cp_isolation=[*WRITTEN_IN]).best()
     return None if best is None or best.encoding == "cp1252" else best.encoding
