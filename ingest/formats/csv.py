@@ -1,16 +1,16 @@
 """CSV: tables of text, packed with gzip or not.
 
-Delimiter, decimal sign, encoding (UTF-8, UTF-16, else cp1252), a row of units and the time are recognised from the
-first 200 rows and stored in `settings`; so are lines that a logger wrote above the header. Dates such as 5/6/2025 have
-their order from a day above 12 anywhere in the table. A line is a row: a quoted cell does not go on in the next, but
-for names in the header. Blank lines, comments (`#`), statistics below the table, delimiters alone and the header again
-are no rows. `columns` are those of the header without the one (or several: date, time of day, milliseconds) that holds
-the time; an empty name becomes `column_<place>`, a second `T` becomes `T_2` (`settings["renamed"]`). A row with too few
-or too many fields, with text where its column holds numbers, or without a time is rejected; a row whose time goes back
-is kept and counted. In a local zone, the hour that comes twice in autumn counts as the first until its stamps go back,
-then as the second (`settings["ambiguous_rows"]`), and a time in the hour that spring leaves out is none. A long table,
-columns of times side by side, and another table below the first are series with their own stamps
-(`settings["series"]`).
+Delimiter, decimal sign, encoding (UTF-8, one that `encoding_of` tells, else cp1252), a row of units and the time are
+recognised from the first 200 rows and stored in `settings`; so are lines that a logger wrote above the header. Dates
+such as 5/6/2025 have their order from a day above 12 anywhere in the table. A line is a row: a quoted cell does not go
+on in the next, but for names in the header. Blank lines, comments (`#`), statistics below the table, delimiters alone
+and the header again are no rows. `columns` are those of the header without the one (or several: date, time of day,
+milliseconds) that holds the time; an empty name becomes `column_<place>`, a second `T` becomes `T_2`
+(`settings["renamed"]`). A row with too few or too many fields, with text where its column holds numbers, or without a
+time is rejected; a row whose time goes back is kept and counted. In a local zone, the hour that comes twice in autumn
+counts as the first until its stamps go back, then as the second (`settings["ambiguous_rows"]`), and a time in the hour
+that spring leaves out is none. A long table, columns of times side by side, and another table below the first are
+series with their own stamps (`settings["series"]`).
 """
 
 from __future__ import annotations

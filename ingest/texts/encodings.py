@@ -1,4 +1,4 @@
-"""In which encoding a text is written that is neither UTF-8 nor, with a letter here and there, Windows-1252."""
+"""In which encoding a text is written that is neither UTF-8 nor, as with a letter here and there, Windows-1252."""
 
 from __future__ import annotations
 
