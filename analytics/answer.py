@@ -12,6 +12,7 @@ import re
 from typing import Any
 
 from analytics.query import QueryResult
+from ingest.texts.cells import cell, places
 from ingest.texts.plain import plain_line
 
 NUMBERS = ("BIGINT", "DECIMAL", "DOUBLE", "FLOAT", "HUGEINT", "INTEGER", "SMALLINT", "TINYINT", "UBIGINT")
@@ -27,13 +28,13 @@ def to_text(result: QueryResult, width: int = 100) -> str:
         return "\n".join(str(value) for _, value in result.rows).rstrip()
     heads = [_head(name) for name in result.columns]
     cells = [[_cell(value) for value in row] for row in result.rows]
-    widths = [max([len(head), *(len(row[i]) for row in cells)]) for i, head in enumerate(heads)]
+    widths = [max(places(row[i]) for row in [heads, *cells]) for i in range(len(heads))]
     right = [kind.startswith(NUMBERS) for kind in result.types]
     whole = [kind.startswith((*NUMBERS, "TIME", "DATE")) for kind in result.types]  # half a number is another number
     least = [wide if keep else min(wide, NARROWEST) for wide, keep in zip(widths, whole, strict=True)]
     widths = _fit(widths, least, width)
     lines = [
-        GAP.join(map(_set, row, widths, right)).rstrip() for row in [heads, ["-" * wide for wide in widths], *cells]
+        GAP.join(map(cell, row, widths, right)).rstrip() for row in [heads, ["-" * wide for wide in widths], *cells]
     ]
     count = f"the first {len(cells):,} rows" if result.more else f"{len(cells):,} row{'s' * (len(cells) != 1)}"
     return "\n".join([*lines, f"({count})"])
@@ -76,11 +77,6 @@ def _fit(widths: list[int], least: list[int], width: int) -> list[int]:
     while sum(fitted) > spare and (loose := [i for i, wide in enumerate(fitted) if wide > least[i]]):
         fitted[max(loose, key=lambda i: fitted[i])] -= 1
     return fitted
-
-
-def _set(cell: str, wide: int, right: bool) -> str:
-    cut = cell if len(cell) <= wide else cell[: wide - 1] + "…"
-    return cut.rjust(wide) if right else cut.ljust(wide)
 
 
 def _cell(value: Any) -> str:

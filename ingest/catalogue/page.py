@@ -12,6 +12,7 @@ from ingest.catalogue.description import ChannelDescription, SessionDescription
 from ingest.catalogue.power import PowerBalance
 from ingest.catalogue.quality import NO_SAMPLES, seconds
 from ingest.facts.events import COUNTS
+from ingest.texts.cells import cell, places
 from ingest.texts.names import first_of, handle
 from ingest.texts.plain import plain_line
 from ingest.texts.times import clock
@@ -72,7 +73,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], width: int, right:
     (`right`) never, as part of one is another. Then the last columns are left out, which is said below.
     """
     cells = [tuple(head), *(tuple(map(plain_line, row)) for row in rows)]
-    widths = [max(len(row[i]) for row in cells) for i in range(len(head))]
+    widths = [max(places(row[i]) for row in cells) for i in range(len(head))]
     least = [size if i in right else min(size, LEAST if i else max(LEAST, width // 3)) for i, size in enumerate(widths)]
     while sum(least) + 2 * (len(least) - 1) > width and len(least) > 1:
         least.pop()
@@ -81,10 +82,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], width: int, right:
         loose = [i for i in range(len(widths)) if widths[i] > least[i]]
         widths[max(loose, key=lambda i: widths[i])] -= 1
     lines = [
-        "  ".join(
-            _cut(cell, size).rjust(size) if i in right else _cut(cell, size).ljust(size)
-            for i, (cell, size) in enumerate(zip(row, widths, strict=False))
-        ).rstrip()
+        "  ".join(cell(text, size, i in right) for i, (text, size) in enumerate(zip(row, widths, strict=False))).rstrip()
         for row in cells
     ]
     out = [name or "notes" for i, name in enumerate(head) if i >= len(widths) and any(row[i] for row in cells[1:])]
@@ -214,10 +212,6 @@ def _number(value: float | None) -> str:
 def _noise(value: float | None) -> str:
     """Two digits tell what noise is like: "200", "0.0096"."""
     return NONE if value is None else _number(float(f"{value:.2g}"))
-
-
-def _cut(text: str, size: int) -> str:
-    return text if len(text) <= size else text[: size - 1] + "…"
 
 
 def _wrap(line: str, width: int) -> list[str]:

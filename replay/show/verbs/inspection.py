@@ -9,6 +9,7 @@ from typing import Any
 
 from ingest.intake.inspection import FoundSignal, InspectedFile, Inspection
 from ingest.log import unread
+from ingest.texts.cells import cell, places
 from ingest.texts.times import to_second
 from replay.show.words.words import counted, duration
 
@@ -55,7 +56,7 @@ def inspection_text(found: Inspection) -> str:
     """Files first, then signals with what they seem to be."""
     lines = [line for one in found.files if one.reading for line in _file_lines(one)]
     there = found.there
-    width = max((len(seen.signal.qualified) for seen in there), default=0)
+    width = max((places(seen.signal.qualified) for seen in there), default=0)
     lines += [f"  {_signal_line(seen, width)}" for seen in there[:SHOWN]]
     if len(there) > SHOWN:
         lines.append(f"  and {len(there) - SHOWN} more signals (--json has all)")
@@ -158,4 +159,4 @@ def _long_table(long: Mapping[str, Any]) -> str:
 def _signal_line(seen: FoundSignal, width: int) -> str:
     span = f"{seen.low:g} to {seen.high:g}" if seen.low is not None and seen.high is not None else ""
     what = f"{seen.signal.unit or '-':<8} {seen.quantity or 'not guessed':<20}"
-    return f"{seen.signal.qualified:<{width}}  {what} {span}".rstrip()
+    return f"{cell(seen.signal.qualified, width)}  {what} {span}".rstrip()
