@@ -14,7 +14,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, date, datetime, time, timedelta
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
@@ -111,7 +111,8 @@ class Ledger:
     def events(self, *types: type[Event], stream: str | None = None, as_of: str | int | None = None) -> list[Recorded]:
         """The events in order: of `types` (all where none is given), of `stream`, as they were at `as_of`.
 
-        `as_of` is a position, or an ISO 8601 time (UTC where it names no zone): what was recorded up to then.
+        `as_of` is a position, or an ISO 8601 time (UTC where it names no zone), of a date its last moment: what was
+        recorded up to then.
         Raises DamageError where the ledger up to there is not what was written, LedgerError for an `as_of` that is
         neither, or a time of which a wrong clock left unknown what was recorded up to then.
         """
@@ -293,7 +294,7 @@ class Ledger:
                 raise LedgerError(f"as of {as_of}: the ledger ends at event {end}: give a number up to that, or a time")
             return int(as_of), FOR_EVER
         try:
-            return None, utc_text(datetime.fromisoformat(as_of))
+            return None, utc_text(_until(as_of))
         except (ValueError, OverflowError):
             raise LedgerError(
                 f"as of {as_of!r}: is neither the number of an event (up to {end}) nor a time like 2026-11-21T08:00:00Z"
@@ -306,6 +307,14 @@ class Ledger:
             yield self.place.recorder()
         if self._closed:
             self.place.disconnect()
+
+
+def _until(as_of: str) -> datetime:
+    """The time that `as_of` says; a date alone is the whole day. Raises ValueError."""
+    try:
+        return datetime.combine(date.fromisoformat(as_of), time.max)
+    except ValueError:
+        return datetime.fromisoformat(as_of)
 
 
 class _Others:

@@ -110,6 +110,13 @@ def test_as_of_a_time_gives_what_was_recorded_up_to_then(written: Path) -> None:
         assert ledger.events(as_of="1999-01-01T00:00:00+02:00") == []
 
 
+def test_as_of_a_date_is_the_whole_day(ledger: Ledger, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ledger_module, "datetime", clock_of(2001))
+    ledger.append_all([("file-a", raw("a")), ("file-b", raw("b"))])  # at midnight and a microsecond later
+    for moment, known in (("2000-12-31", 0), ("2001-01-01T00:00", 1), ("2001-01-01", 2)):
+        assert len(ledger.events(as_of=moment)) == known
+
+
 @pytest.mark.parametrize(
     ("as_of", "says"),
     [
