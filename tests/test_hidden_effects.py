@@ -16,22 +16,22 @@ from benchmarks.trial.audit import together
 from made.hidden_cases import Answer, Case, diagnosed, keep_imports
 from twin.diagnosis.rounds import THRESHOLD
 
-HIDDEN = (  # in sessions as long as it takes: what shows in each minute is as sure after a few
+HIDDEN = (  # in sessions as long as it takes, each by itself
     Case(83, "loss.rotor_surface.speed2_current2", 1500.0),
-    Case(92, "conductance.endwinding_a_inner-coolant.constant", 4.0),  # a path that the motor file lacks
-    Case(85, "boundary.coolant.bias", 12.0),
+    Case(92, "conductance.endwinding_a_inner-coolant.constant", 4.0, length=0.5),  # a path that the motor file lacks
+    Case(85, "boundary.coolant.bias", 12.0, length=0.5),
     Case(91, "capacity.rotor_core.scale", 3.0),
     Case(84, "sensor.magnet.lag", 40.0, length=0.6),
     Case(89, "clock.can2.offset", 5.0, length=0.4),
     Case(408, "sensor.rotor_surface.stuck", 0.4, length=0.4),
-    Case(86, "sensor.teeth.swap_yoke", 1.0),
+    Case(86, "sensor.teeth.swap_yoke", 1.0, length=0.5),
 )
 HEALTHY = (  # every form and every rule once
-    Case(300),
-    Case(301, form="weakened", rule="energy_weighted"),
-    Case(302, form="sprayed", rule="hand"),
-    Case(303, form="housed", rule="scaled"),
-    Case(304, form="section"),
+    Case(300, length=0.5),
+    Case(301, form="weakened", rule="energy_weighted", length=0.5),
+    Case(302, form="sprayed", rule="hand", length=0.5),
+    Case(303, form="housed", rule="scaled", length=0.5),
+    Case(304, form="section", length=0.5),
 )
 IN_ITS_OWN_UNIT = (  # the motor file's form can say them exactly, so that sizes can be compared
     "conductance.endwinding_a_inner-coolant.constant",

@@ -210,6 +210,12 @@ def _units_of_settings(lines: Sequence[str], names: Sequence[str], delimiter: st
     return units
 
 
+def _repeats(row: Sequence[str]) -> bool:
+    """Whether cells say one thing several times, as names do not."""
+    said = [cell for cell in row if cell]
+    return len(set(said)) < len(said)
+
+
 def _heads_units(row: Sequence[str]) -> bool:
     return bool(row) and row[0].casefold().rstrip(":") in UNIT_WORDS
 
@@ -254,6 +260,9 @@ def _above_header(lines: Sequence[str], delimiter: str) -> int:
     numbered = fitting[:1] == [0] and _numbers_columns(table[0])
     first = next((place for place in fitting[numbered:] if _is_data(of_values[place])), 0)
     above = [place for place in fitting if place < first and not any(map(is_value, table[place]))]
+    under = next((place for place in above if place - 1 in above and _heads_units(table[place])), None)
+    if under is not None and _repeats(of_values[above[-1]]):  # below the units yet a line of rates or of comments
+        return under - 1
     above = [place for place in above if not _heads_units(table[place])]
     names = [place for place in above if 2 * sum(map(bool, of_values[place])) > len(valued)]
     names = [place for place in names if "1" not in table[place] or place - 1 in names]  # which no column is called

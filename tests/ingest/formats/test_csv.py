@@ -183,6 +183,14 @@ def test_rows_of_text_below_the_units_are_no_header(tmp_path: Path) -> None:
     assert [one.where for one in log.rejected] == ["line 3, column t"] and "header_line" not in log.settings
 
 
+def test_a_line_of_rates_below_the_units_is_no_header(tmp_path: Path) -> None:
+    head = "Name;t;T;n\nEinheit;s;degC;1/min\nRate;;10Hz;10Hz\n"
+    log, t_ns, columns = read(table(tmp_path, head + "log;0,0;20,5;1\nlog;0,1;20,6;2\n"))
+    assert (t_ns, columns["T"], columns["n"]) == ([0, S_NS // 10], [20.5, 20.6], [1, 2])
+    assert (log.units["T"], log.units["n"]) == ("degC", "1/min")
+    assert [one.where for one in log.rejected] == ["line 3, column T"]
+
+
 def test_a_table_without_lines_above_says_nothing_of_them(tmp_path: Path) -> None:
     log, _, columns = read(table(tmp_path, "t,state,T\n0,on,1\n1,off,2\n2,on,3\n"))
     assert "header_line" not in log.settings and columns["state"] == ["on", "off", "on"]
