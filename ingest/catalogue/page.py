@@ -82,7 +82,9 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], width: int, right:
         loose = [i for i in range(len(widths)) if widths[i] > least[i]]
         widths[max(loose, key=lambda i: widths[i])] -= 1
     lines = [
-        "  ".join(cell(text, size, i in right) for i, (text, size) in enumerate(zip(row, widths, strict=False))).rstrip()
+        "  ".join(
+            cell(text, size, i in right) for i, (text, size) in enumerate(zip(row, widths, strict=False))
+        ).rstrip()
         for row in cells
     ]
     out = [name or "notes" for i, name in enumerate(head) if i >= len(widths) and any(row[i] for row in cells[1:])]

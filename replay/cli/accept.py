@@ -6,13 +6,18 @@ import argparse
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from ingest.texts.names import handle
+from ingest.texts.names import first_of, handle
 from replay.cli.answer import Answer, provenance, store_folder
 
 if TYPE_CHECKING:
     from ingest.facts.store import Store
 
 MOST_CHANGES = 40  # lines that are shown of a file
+NAMED = 5  # other specimens that are named
+ALSO = (
+    "they have these files too. Where the cause is of one specimen alone, ingest the logs of the others again, with "
+    "bench and motor files of their own"
+)
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,6 +46,7 @@ def run(args: argparse.Namespace) -> Answer:
             "benches": {one.parent_bench: one.bench for one in (event, *done.further) if one.bench},
             "changes": _changes(store, [(one.parent, one.model) for one in (event, *done.further)])
             | _changes(store, [(one.parent_bench, one.bench) for one in (event, *done.further)]),
+            "other_specimens": dict(sorted(done.others.items())),
             "written": not done.known,
             "provenance": provenance(store),
         }
@@ -62,7 +68,7 @@ def _changes(store: Store, replaced: Sequence[tuple[str | None, str | None]]) ->
 
 def _text(data: Mapping[str, Any]) -> str:
     from replay.show.words.terminal import labelled
-    from replay.show.words.words import joined, short
+    from replay.show.words.words import counted, joined, short
 
     models = {data["parent"]: data["model"]} if data["model"] else {}
     pairs = [("model", one) for one in models.items()] + [("bench file", one) for one in data["benches"].items()]
@@ -71,6 +77,9 @@ def _text(data: Mapping[str, Any]) -> str:
     lines = labelled("Accepted" if data["written"] else "Nothing new", f"d-{short(data['diagnosis'])} {told}")
     lines += labelled("Causes", joined(data["causes"]))
     lines += labelled("Current", joined(now))
+    if others := data["other_specimens"]:
+        of = [f"{counted(count, 'session')} of {name}" for name, count in others.items()]
+        lines += labelled("Also for", f"{first_of(of, NAMED)}: {ALSO}")
     for what, (_, new) in pairs:
         lines += ["", *_shown(f"{what} {short(new)}", data["changes"][new])]
     return "\n".join([*lines, "", *labelled("Next", "whyhot replay · whyhot report")])

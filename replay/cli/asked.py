@@ -89,7 +89,7 @@ def ask_level(parser: argparse.ArgumentParser, says: str = "channels that may be
 
 
 def ask_as_of(parser: argparse.ArgumentParser) -> None:
-    says = "answer from the ledger as it was at an event (its number), a time or a date (ISO 8601, UTC); nothing is written"
+    says = "answer from the ledger as it was at an event (its number), a time or a date (ISO 8601, UTC); writes nothing"
     parser.add_argument("--as-of", metavar="POINT", help=says)
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from ingest.errors import UnknownSessionError
 from ingest.facts import facts as ledger_facts
-from ingest.facts.events import CauseAccepted, DiagnosisCompleted, ModelExtended
+from ingest.facts.events import CauseAccepted, DiagnosisCompleted, ModelExtended, SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from ingest.texts.names import handle
@@ -21,12 +22,14 @@ from replay.studies.diagnosis.answer import Diagnosis, read
 class Acceptance:
     """The fact, those of further bench files, and whether they held already (then nothing was written). `elsewhere`:
     name of a session of the diagnosis -> the model that it goes on with, where its bench file names none that the
-    accepted one replaces."""
+    accepted one replaces. `others`: specimen that the diagnosis did not ask -> how many of its sessions go on with the
+    accepted files too."""
 
     event: CauseAccepted
     further: Sequence[CauseAccepted]
     known: bool
     elsewhere: Mapping[str, str]
+    others: Mapping[str, int]
 
 
 def find_diagnosis(store: Store, facts: Facts, text: str) -> Diagnosis:
@@ -69,7 +72,8 @@ def accept(store: Store, text: str, steps: int | None = None) -> Acceptance:
     if not known:
         store.ledger.append_all([(f"diagnosis-{event.diagnosis}", one) for one in (event, *further)])
         facts = ledger_facts.at(store.ledger)
-    return Acceptance(event, further, known, _elsewhere(facts, found, event.model) if event.model else {})
+    elsewhere = _elsewhere(facts, found, event.model) if event.model else {}
+    return Acceptance(event, further, known, elsewhere, _others(facts, found, [event, *further]))
 
 
 def would_accept(store: Store, found: Diagnosis, steps: int | None = None) -> list[CauseAccepted]:
@@ -151,3 +155,18 @@ def _elsewhere(facts: Facts, found: Diagnosis, model: str) -> dict[str, str]:
     named = [session for session in sessions if (bench := facts.bench_of(session)) and bench.model]
     models = {session.name: model_of(facts, session) for session in named}
     return {name: one for name, one in models.items() if one != model}
+
+
+def _others(facts: Facts, found: Diagnosis, accepted: Sequence[CauseAccepted]) -> dict[str, int]:
+    asked = {facts.session(one).specimen for one in (*found.train, *found.held_out)}
+    files = {file for one in accepted for file in (one.model, one.bench) if file}
+    whose = [(one.specimen, files & {*_files(facts, one)}) for one in facts.sessions]
+    return Counter(specimen for specimen, shared in whose if specimen and shared and specimen not in asked)
+
+
+def _files(facts: Facts, session: SessionRecorded) -> Iterator[str]:
+    """The motor and bench file that a session goes on with."""
+    if bench := facts.bench_of(session):
+        yield bench.sha256
+        if bench.model:
+            yield facts.current(bench.model)

@@ -193,7 +193,7 @@ def test_model_and_bench_file_become_current(store_folder: Path, capsys: pytest.
     assert answer["diagnosis"] == "4f0cbeef00000001"
     assert answer["causes"] == list(CAUSES), "improved or not"
     assert {key: answer[key] for key in made} == made
-    assert answer["written"] is True
+    assert (answer["written"], answer["other_specimens"]) == (True, {})
     assert answer["provenance"]["store_head"]["position"] == before + 1
     assert current(store_folder) == (made["model"], made["bench"])
     assert current(store_folder, as_of=str(before)) == (made["parent"], made["parent_bench"])
@@ -336,6 +336,20 @@ def test_sessions_that_go_on_with_another_model_are_said(
     assert capsys.readouterr().err == (
         f"session 1_learn: goes on with model {model[:8]}: say --model {str(made['model'])[:8]} to replay it.\n"
     )
+
+
+def test_other_specimens_that_go_on_with_the_accepted_files_too_are_said(
+    ingested: Path, store_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    can_bench.write_log(tmp_path / "2_other.blf", seconds=60)
+    words = ["--bench", str(ingested.parent / "bench.toml"), "--dbc", str(ingested.parent / "bench.dbc")]
+    store = ["--store", str(store_folder)]
+    diagnosed(store_folder, "4f0cbeef00000001", {"sensor.magnet.bias": True}, model=False)
+    assert main(["ingest", str(tmp_path / "2_other.blf"), "--specimen", "M8", *words, *store]) == 0
+    capsys.readouterr()
+    assert main(["accept", "d-4f0c", *store]) == 0
+    assert "Also for          1 session of M8: they have these files too." in capsys.readouterr().out
+    assert accept(store_folder, capsys, "d-4f0c")["other_specimens"] == {"M8": 1}
 
 
 @pytest.mark.parametrize(
