@@ -7,6 +7,7 @@ from replay.show.reports.verdict import Ending, against, ending
 from replay.show.words import words
 from replay.studies.diagnosis.answer import Diagnosis, Named
 
+UNLIKELY = 0.5  # a cause of a crude file that is no more probable than that
 LONGEST = 45  # words of a first sentence: what is as long becomes two
 
 
@@ -51,10 +52,14 @@ def _found(diagnosis: Diagnosis) -> str:
 
 def _named(diagnosis: Diagnosis) -> str:
     first, *more = sorted(diagnosis.causes, key=lambda cause: cause.of_the_record)
+    told, others = first.says, len(first.indistinguishable_from)
     if more:
-        return f"{first.says}, and {words.counted(len(more), 'more cause')}"
-    others = words.counted(len(first.indistinguishable_from), "other cause")
-    return f"{first.says}, or {others}" if first.indistinguishable_from else first.says
+        told += f", and {words.counted(len(more), 'more cause')}"
+    elif others:
+        told += f", or {words.counted(others, 'other cause')}"
+    if diagnosis.crudeness is None or first.probability > UNLIKELY:
+        return told
+    return f"rather what the crude file lacks than a cause ({verdict.probability(first.probability)} probable): {told}"
 
 
 def _but(diagnosis: Diagnosis) -> str:

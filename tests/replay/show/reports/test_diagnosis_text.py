@@ -628,6 +628,15 @@ def test_a_crude_file_is_told_with_the_evidence_that_it_asks_for() -> None:
     assert "crude" not in flat(diagnosis_text(SEVERAL))
 
 
+@pytest.mark.parametrize(
+    ("probability", "begins"), [(0.06, "Rather what the crude file lacks than a cause"), (0.97, "Magnet loss")]
+)
+def test_an_unlikely_cause_of_a_crude_file_is_not_said_as_one(probability: float, begins: str) -> None:
+    told = headline(replace(SEVERAL, crudeness=2.13, causes=[replace(EDDY, probability=probability), BIAS]))
+    assert told.startswith(begins)
+    assert "magnet loss grows with speed squared and current squared, and 1 more cause" in told.lower()
+
+
 @pytest.mark.parametrize("judge", ["sessions left out", "few sessions"])
 def test_what_let_terms_in_is_said_where_it_was_not_evidence_alone(judge: str) -> None:
     told = flat(diagnosis_text(replace(SEVERAL, causes=[EDDY], chain=SEVERAL.chain[:3], judged_by=judge)))
