@@ -16,15 +16,13 @@ from benchmarks.trial.explained import explained
 from benchmarks.trial.inside import Errors, at_sensors, inside
 from benchmarks.trial.lost import lost_at
 from benchmarks.trial.visibility import VISIBLE, Seen
+from replay.studies.diagnosis.answer_parts import class_of
 from replay.studies.diagnosis.question import Campaign
 from replay.studies.diagnosis.search import find
 from twin.diagnosis.crudeness import crudeness
 from twin.diagnosis.evidence import TOLD_APART
 from twin.diagnosis.findings import findings
-from twin.diagnosis.naming import Naming
-from twin.diagnosis.rounds import Refit
 from twin.diagnosis.swaps import scan
-from twin.diagnosis.told_apart import ToldApart, told_apart
 from twin.differences.everyday import everyday
 from twin.errors import TwinError
 from twin.fitting.model import Model
@@ -135,7 +133,7 @@ def tried(case: Case, campaign: Campaign, behind: Behind, hidden: tuple[Seen, ..
     naming = found.naming
     named = [(str(s.candidate.cause), s.log_bayes_factor) for s in swaps]
     named += [(str(r.candidate.cause), r.log_bayes_factor) for r in naming.accepted]
-    classes = {str(refit.candidate.cause): _class_of(naming, refit) for refit in naming.accepted}
+    classes = {str(refit.candidate.cause): class_of(naming, refit, found.kept) for refit in naming.accepted}
     unusual = findings(naming.rounds[0].base, model.parameters, 0.0)
     result = Result(
         case,
@@ -166,11 +164,6 @@ def tried(case: Case, campaign: Campaign, behind: Behind, hidden: tuple[Seen, ..
         result = replace(result, truth=truth, gained=gained)
     missed = [one.cause for one in hidden if not result.is_told(one.cause)]
     return replace(result, lost={cause: lost_at(found, cause, campaign.candidates) for cause in missed})
-
-
-def _class_of(naming: Naming, refit: Refit) -> ToldApart:
-    """A named term and what the data cannot tell from it, by the round in which it entered."""
-    return told_apart(naming.entered(refit.candidate), refit.candidate, naming.log_bf_instead, naming.listed)
 
 
 # --- Kept results -----------------------------------------------------------------------------------------------------

@@ -119,11 +119,10 @@ class Naming:
         model = self.final.model
         return crudeness(self.final, everyday(model.network, model.tests))
 
-    @property
-    def listed(self) -> float:
-        """How probable it is that what stands out is one of the candidates, and not the form of a crude file. Where
-        that form shows in what is left, the noise has it already."""
-        return 1.0 if self.wrong_in_form else listed(self.crudeness)
+    def listed(self, log_bf: float) -> float:
+        """How probable it is that what stands out by this ln BF is one of the candidates, and not the form of a crude
+        file."""
+        return listed(self.crudeness, log_bf)
 
     @property
     def searched(self) -> tuple[Round, ...]:

@@ -7,6 +7,7 @@ from ingest.texts.times import clock
 from replay.show.reports import verdict
 from replay.show.words import words
 from replay.studies.diagnosis.answer import Contradicting, Diagnosis
+from twin.diagnosis.crudeness import counts_from
 
 ENOUGH = 3  # sessions: what fewer cannot say is told
 
@@ -33,13 +34,13 @@ def _contradiction(diagnosis: Diagnosis, one: Contradicting) -> str:
 
 
 def crude(diagnosis: Diagnosis) -> str:
-    """What a name of a crude file is worth, as one sentence; "" of a good one, and where nothing is named."""
+    """What stands out with a crude file is worth, in two sentences; "" of a good one, and where nothing does."""
     if diagnosis.crudeness is None:
         return ""
     return (
         f"The file is crude: its numbers had to move {diagnosis.crudeness:.1f} times as far as usual, also with what "
-        "is named, as they do where a file of few parts lacks some; that may be what is named, so its probability is "
-        "small."
+        "was found, as they do where a file of few parts lacks some. What stands out is rather that than a cause where "
+        f"kept sessions do not confirm it and its ln BF is below {counts_from(diagnosis.crudeness):.0f}."
     )
 
 

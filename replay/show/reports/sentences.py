@@ -6,6 +6,7 @@ from replay.show.reports import beyond_usual, doubts, kept_errors, two_models, v
 from replay.show.reports.verdict import Ending, against, ending
 from replay.show.words import words
 from replay.studies.diagnosis.answer import Diagnosis, Named
+from twin.diagnosis.crudeness import listed
 
 UNLIKELY = 0.5  # a cause of a crude file that is no more probable than that
 LONGEST = 45  # words of a first sentence: what is as long becomes two
@@ -39,7 +40,10 @@ def _found(diagnosis: Diagnosis) -> str:
         case Ending.NAMED:
             return _named(diagnosis)
         case Ending.UNKNOWN:
-            something = verdict.something(diagnosis.unknown[0])
+            heat = diagnosis.unknown[0]
+            something = verdict.something(heat)
+            if _is_unlikely(diagnosis, listed(diagnosis.crudeness or 0.0, heat.log_bayes_factor)):
+                something = f"the file is crude and lacks something: {something[0].lower()}{something[1:]}"
             if diagnosis.causes:
                 return f"{something}, beside {words.counted(len(diagnosis.causes), 'fault')} of the record"
             return f"{something}{_but(diagnosis)}"
@@ -57,9 +61,14 @@ def _named(diagnosis: Diagnosis) -> str:
         told += f", and {words.counted(len(more), 'more cause')}"
     elif others:
         told += f", or {words.counted(others, 'other cause')}"
-    if diagnosis.crudeness is None or first.probability > UNLIKELY:
+    if not _is_unlikely(diagnosis, first.probability):
         return told
     return f"rather what the crude file lacks than a cause ({verdict.probability(first.probability)} probable): {told}"
+
+
+def _is_unlikely(diagnosis: Diagnosis, probability: float) -> bool:
+    """Whether what stands out with a crude file is no more probable than something that it lacks."""
+    return diagnosis.crudeness is not None and probability <= UNLIKELY
 
 
 def _but(diagnosis: Diagnosis) -> str:

@@ -19,7 +19,7 @@ from twin.diagnosis.free_maps import LossMap
 from twin.diagnosis.in_words import Plain
 from twin.diagnosis.naming import ENOUGH_SESSIONS, MOST_TERMS, Naming
 from twin.diagnosis.rounds import EVIDENT, Against, Refit, Round
-from twin.diagnosis.told_apart import separating_test, telling_test, told_apart
+from twin.diagnosis.told_apart import ToldApart, separating_test, telling_test, told_apart
 from twin.differences.candidates import Candidate
 from twin.differences.proposals import at_one
 from twin.fitting.actions import Added, PartOfHeat
@@ -87,7 +87,7 @@ def named(naming: Naming, refit: Refit, train: Sequence[SessionRecorded], kept: 
     found = size(final, place, refit.candidate.unit)
     effect_K, node, test, t_s = _largest_effect(final, place)
     first = naming.entered(refit.candidate)
-    apart = told_apart(first, refit.candidate, naming.log_bf_instead, naming.listed)
+    apart = class_of(naming, refit, kept)
     let_in = [one.candidate for one in naming.accepted]
     others = [member.candidate for member in apart.others if member.candidate not in let_in]
     improved = kept is not None and kept.improved and refit.candidate.sayable
@@ -121,6 +121,23 @@ def named(naming: Naming, refit: Refit, train: Sequence[SessionRecorded], kept: 
         evidence=evidence_parts(naming, refit),
         stands=_stands(refit),
     )
+
+
+def class_of(naming: Naming, refit: Refit, kept: Measured | None) -> ToldApart:
+    """A named term with what the data cannot tell from it, by the round in which it entered. Sessions that were kept
+    and get better with what is named say that it is more than what a crude file lacks."""
+    listed = 1.0 if _is_confirmed(kept) else naming.listed(refit.log_bayes_factor)
+    return told_apart(naming.entered(refit.candidate), refit.candidate, naming.log_bf_instead, listed)
+
+
+def doubtful(naming: Naming, kept: Measured | None) -> float | None:
+    """How crude the file is, where something stands out that may be what it lacks; None elsewhere."""
+    stands_out = naming.accepted or naming.is_unknown
+    return naming.crudeness if stands_out and not _is_confirmed(kept) and naming.listed(0.0) < 1.0 else None
+
+
+def _is_confirmed(kept: Measured | None) -> bool:
+    return kept is not None and kept.improved
 
 
 def evidence_parts(naming: Naming, refit: Refit) -> EvidenceParts:

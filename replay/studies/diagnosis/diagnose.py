@@ -29,7 +29,15 @@ from replay.errors import ReplayDataError
 from replay.studies.characterise.calibrate import common_model
 from replay.studies.diagnosis.accept import sealed_diagnosis
 from replay.studies.diagnosis.answer import Diagnosis, calibration_is_worse, document
-from replay.studies.diagnosis.answer_parts import judged_by, named, rivals, shown, suspected_test, unknown_heat
+from replay.studies.diagnosis.answer_parts import (
+    doubtful,
+    judged_by,
+    named,
+    rivals,
+    shown,
+    suspected_test,
+    unknown_heat,
+)
 from replay.studies.diagnosis.as_recorded import measured_as_recorded, said_wrong
 from replay.studies.diagnosis.beyond_usual import beyond_usual
 from replay.studies.diagnosis.chain import chain
@@ -148,7 +156,7 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
         laws=laws(campaign, found, causes),
         foreseen=foreseen_test(campaign, found, next_test, apart),
         judged_by=judged_by(naming),
-        crudeness=naming.crudeness if naming.accepted and naming.listed < 1.0 else None,
+        crudeness=doubtful(naming, kept),
     )
 
 

@@ -37,6 +37,7 @@ def test_the_rotor_is_cooled_with_speed(answer: dict[str, Any]) -> None:
     (cause,) = answer["causes"]  # the authors' code divides the speed by its scale twice, so that it hardly counts
     assert cause["id"].startswith("conductance.stator-rotor.speed") and cause["log_bayes_factor"] > 10
     assert 1.5 < cause["estimate"] < 10.0
+    assert answer["crudeness"] > 2.0 and cause["probability"] < 0.1, "one kept session is too short to confirm it"
 
 
 def test_the_chain_says_what_each_step_brought(answer: dict[str, Any]) -> None:
