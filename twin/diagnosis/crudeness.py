@@ -6,17 +6,15 @@ numbers go further to stand in for that, while what they leave of the readings i
 mean square beyond what is stated is the Birge ratio of the priors (R. T. Birge, Phys. Rev. 40 (1932) 207,
 doi:10.1103/PhysRev.40.207). What a name says follows from it: motors without any cause, whose numbers moved as
 far, show candidates of a larger ln BF (an empirical null: B. Efron, J. Am. Stat. Assoc. 99 (2004) 96,
-doi:10.1198/016214504000000089), so what stands out is the less often a cause, unless it stands out further than that.
+doi:10.1198/016214504000000089), so what stands out is the less often a cause.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
 
-from twin.diagnosis.rounds import THRESHOLD
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import Fit
 
@@ -35,19 +33,7 @@ def crudeness(found: Fit, stated: Sequence[Parameter]) -> float:
     return float(np.sqrt((found.beta[here] ** 2 / variance)[shared].sum() / known[shared].sum()))
 
 
-def counts_from(crude: float) -> float:
-    """The ln BF from which on a name of a file of this crudeness counts as one of a good file does from the threshold
-    on."""
-    return THRESHOLD * _grown(crude)
-
-
-def listed(crude: float, log_bf: float) -> float:
-    """How probable it is that what stands out by `log_bf` with a file of this crudeness is in the list of candidates at
-    all, and not what the file lacks."""
-    grown = _grown(crude)
-    return 1 / (1 + (grown - 1) * math.exp(-max(0.0, log_bf / grown - THRESHOLD)))
-
-
-def _grown(crude: float) -> float:
-    """By how many times what healthy motors show is larger than with a good file."""
-    return 1 + GROWS * max(0.0, crude - USUAL)
+def listed(crude: float) -> float:
+    """How probable it is that what stands out with a file of this crudeness is in the list of candidates at all, and
+    not what the file lacks."""
+    return 1 / (1 + GROWS * max(0.0, crude - USUAL))

@@ -119,10 +119,10 @@ class Naming:
         model = self.final.model
         return crudeness(self.final, everyday(model.network, model.tests))
 
-    def listed(self, log_bf: float) -> float:
-        """How probable it is that what stands out by this ln BF is one of the candidates, and not the form of a crude
-        file."""
-        return listed(self.crudeness, log_bf)
+    @property
+    def listed(self) -> float:
+        """How probable it is that what stands out is one of the candidates, and not the form of a crude file."""
+        return listed(self.crudeness)
 
     @property
     def searched(self) -> tuple[Round, ...]:

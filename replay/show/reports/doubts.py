@@ -7,7 +7,6 @@ from ingest.texts.times import clock
 from replay.show.reports import verdict
 from replay.show.words import words
 from replay.studies.diagnosis.answer import Contradicting, Diagnosis
-from twin.diagnosis.crudeness import counts_from
 
 ENOUGH = 3  # sessions: what fewer cannot say is told
 
@@ -39,8 +38,8 @@ def crude(diagnosis: Diagnosis) -> str:
         return ""
     return (
         f"The file is crude: its numbers had to move {diagnosis.crudeness:.1f} times as far as usual, also with what "
-        "was found, as they do where a file of few parts lacks some. What stands out is rather that than a cause where "
-        f"kept sessions do not confirm it and its ln BF is below {counts_from(diagnosis.crudeness):.0f}."
+        "was found, as they do where a file of few parts lacks some. What was found may be that, and no kept session "
+        "confirms it as a cause."
     )
 
 

@@ -42,7 +42,7 @@ def _found(diagnosis: Diagnosis) -> str:
         case Ending.UNKNOWN:
             heat = diagnosis.unknown[0]
             something = verdict.something(heat)
-            if _is_unlikely(diagnosis, listed(diagnosis.crudeness or 0.0, heat.log_bayes_factor)):
+            if _is_unlikely(diagnosis, listed(diagnosis.crudeness or 0.0)):
                 something = f"the file is crude and lacks something: {something[0].lower()}{something[1:]}"
             if diagnosis.causes:
                 return f"{something}, beside {words.counted(len(diagnosis.causes), 'fault')} of the record"

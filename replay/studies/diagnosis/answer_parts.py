@@ -126,14 +126,14 @@ def named(naming: Naming, refit: Refit, train: Sequence[SessionRecorded], kept: 
 def class_of(naming: Naming, refit: Refit, kept: Measured | None) -> ToldApart:
     """A named term with what the data cannot tell from it, by the round in which it entered. Sessions that were kept
     and get better with what is named say that it is more than what a crude file lacks."""
-    listed = 1.0 if _is_confirmed(kept) else naming.listed(refit.log_bayes_factor)
+    listed = 1.0 if _is_confirmed(kept) else naming.listed
     return told_apart(naming.entered(refit.candidate), refit.candidate, naming.log_bf_instead, listed)
 
 
 def doubtful(naming: Naming, kept: Measured | None) -> float | None:
     """How crude the file is, where something stands out that may be what it lacks; None elsewhere."""
     stands_out = naming.accepted or naming.is_unknown
-    return naming.crudeness if stands_out and not _is_confirmed(kept) and naming.listed(0.0) < 1.0 else None
+    return naming.crudeness if stands_out and not _is_confirmed(kept) and naming.listed < 1.0 else None
 
 
 def _is_confirmed(kept: Measured | None) -> bool:
