@@ -33,7 +33,8 @@ def _contradiction(diagnosis: Diagnosis, one: Contradicting) -> str:
 
 
 def crude(diagnosis: Diagnosis) -> str:
-    """What stands out with a crude file is worth, in two sentences; "" of a good one, and where nothing does."""
+    """How little it says that something stands out with a crude file, in two sentences; "" of a good one, and where
+    nothing does or kept sessions confirm it."""
     if diagnosis.crudeness is None:
         return ""
     return (
