@@ -11,6 +11,11 @@ from replay.studies.diagnosis.answer import Contradicting, Diagnosis
 ENOUGH = 3  # sessions: what fewer cannot say is told
 
 
+def told(diagnosis: Diagnosis) -> list[str]:
+    """All that is in doubt, a sentence or two each."""
+    return [*filter(None, [crude(diagnosis), not_judged(diagnosis)]), *contradictions(diagnosis)]
+
+
 def contradictions(diagnosis: Diagnosis) -> list[str]:
     """A sentence for each two sessions and channel, the worst first."""
     return [_contradiction(diagnosis, one) for one in diagnosis.contradicting]

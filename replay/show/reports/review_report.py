@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from replay.show.reports import verdict
+from replay.show.reports import doubts, verdict
 from replay.show.reports.diagnosis_report import marked
 from replay.show.reports.diagnosis_text import diagnosis_name
 from replay.show.reports.report import ReportContext
@@ -25,6 +25,7 @@ def write_review(found: Review, target: Path, context: ReportContext) -> None:
         answer=answer(found),
         standing=standing(found),
         causes=in_files(found),
+        in_doubt=doubts.told(found.diagnosis),
         files=[vars(one) | {"lines": marked(one.diff)} for one in found.replaced],
         kinds=found.by_kind(),
         readings=found.readings,
@@ -78,6 +79,7 @@ def document(found: Review) -> dict[str, Any]:
         "causes": list(found.causes),
         "accepted": found.accepted.position if found.accepted else None,
         "replaced": [vars(one) for one in found.replaced],
+        "in_doubt": doubts.told(found.diagnosis),
         "not_told_apart": {one.id: list(one.indistinguishable_from) for one in in_files(found)},
         "by_kind": [vars(one) for one in found.by_kind()],
         "built_on": list(found.built_on),
@@ -91,6 +93,7 @@ def document(found: Review) -> dict[str, Any]:
 def review_text(found: Review, target: Path) -> str:
     """What `whyhot review` prints."""
     lines = labelled("Change", answer(found))
+    lines += labelled("In doubt", *doubts.told(found.diagnosis))
     lines += labelled("Standing", standing(found))
     lines += labelled("Built on it", built_on(found))
     lines += [f"{target}   opens offline in any browser", ""]

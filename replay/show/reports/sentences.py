@@ -14,12 +14,7 @@ LONGEST = 45  # words of a first sentence: what is as long becomes two
 
 def answer(diagnosis: Diagnosis) -> str:
     """A few sentences that answer why the motor is hotter than the model says, or the test that would."""
-    beside = [
-        no_files(diagnosis),
-        doubts.crude(diagnosis),
-        doubts.not_judged(diagnosis),
-        *doubts.contradictions(diagnosis),
-    ]
+    beside = [no_files(diagnosis), *doubts.told(diagnosis)]
     told = " ".join(filter(None, [headline(diagnosis), details(diagnosis), *beside]))
     open_ended = ending(diagnosis) in (Ending.UNKNOWN, Ending.CANNOT_TELL)
     if not open_ended or diagnosis.next_test is None:
