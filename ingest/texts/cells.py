@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import unicodedata
+from itertools import accumulate, takewhile
 
 WIDE = ("W", "F")  # East Asian Width (Unicode Standard Annex 11): wide, and fullwidth forms of Latin letters
 OVER = ("Mn", "Me")  # marks that stand over or under the letter before
@@ -16,9 +17,8 @@ def places(text: str) -> int:
 def cell(text: str, width: int, right: bool = False) -> str:
     """`text` in exactly `width` places, flush left or `right`; what does not fit loses its end, which `…` says."""
     if places(text) > width:
-        while text and places(text) > width - 1:
-            text = text[:-1]
-        text += "…"
+        fitting = takewhile(lambda end: end < width, accumulate(map(_places, text)))
+        text = text[: sum(1 for _ in fitting)] + "…"
     blanks = " " * (width - places(text))
     return blanks + text if right else text + blanks
 

@@ -8,7 +8,7 @@ from replay.show.words import words
 from replay.studies.diagnosis.answer import Diagnosis, Named
 from twin.diagnosis.crudeness import listed
 
-UNLIKELY = 0.5  # a cause of a crude file that is no more probable than that
+UNLIKELY = 0.5  # what stands out with a crude file and is no more probable is rather what the file lacks
 LONGEST = 45  # words of a first sentence: what is as long becomes two
 
 
@@ -35,9 +35,8 @@ def _found(diagnosis: Diagnosis) -> str:
         case Ending.NAMED:
             return _named(diagnosis)
         case Ending.UNKNOWN:
-            heat = diagnosis.unknown[0]
-            something = verdict.something(heat)
-            if _is_unlikely(diagnosis, listed(diagnosis.crudeness or 0.0)):
+            something = verdict.something(diagnosis.unknown[0])
+            if diagnosis.crudeness is not None and listed(diagnosis.crudeness) <= UNLIKELY:
                 something = f"the file is crude and lacks something: {something[0].lower()}{something[1:]}"
             if diagnosis.causes:
                 return f"{something}, beside {words.counted(len(diagnosis.causes), 'fault')} of the record"
@@ -56,14 +55,9 @@ def _named(diagnosis: Diagnosis) -> str:
         told += f", and {words.counted(len(more), 'more cause')}"
     elif others:
         told += f", or {words.counted(others, 'other cause')}"
-    if not _is_unlikely(diagnosis, first.probability):
+    if diagnosis.crudeness is None or first.probability > UNLIKELY:
         return told
     return f"rather what the crude file lacks than a cause ({verdict.probability(first.probability)} probable): {told}"
-
-
-def _is_unlikely(diagnosis: Diagnosis, probability: float) -> bool:
-    """Whether what stands out with a crude file is no more probable than something that it lacks."""
-    return diagnosis.crudeness is not None and probability <= UNLIKELY
 
 
 def _but(diagnosis: Diagnosis) -> str:
