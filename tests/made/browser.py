@@ -32,7 +32,7 @@ still.querySelectorAll("svg").forEach(svg => {
       const wide = Math.min(a.right, b.right) - Math.max(a.left, b.left);
       const high = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
       if (wide > 1 && high > 0.35 * Math.min(a.height, b.height))
-        found.push(`${title}: "${text}" lies over "${other}"`);
+        found.push(`${title}: "${text}" lies over "${other}", ${wide.toFixed(1)} x ${high.toFixed(1)} points`);
     });
   });
 });

@@ -10,6 +10,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+from matplotlib.transforms import blended_transform_factory
 from numpy.typing import NDArray
 
 from replay.engine.results.run import Run
@@ -106,7 +107,7 @@ def _draw_maps(maps: Mapping[str, Cells], load: str) -> Figure:
     for ax in axes.flat[len(maps) :]:
         ax.set_visible(False)
     for ax in axes[:, 0]:
-        ax.set_ylabel(f"{LOAD_NAMES[load][0]} [{LOAD_NAMES[load][1]}]")
+        _name_y(ax, f"{LOAD_NAMES[load][0]} [{LOAD_NAMES[load][1]}]")
     for ax in axes.flat[max(0, len(maps) - ACROSS) : len(maps)]:
         ax.set_xlabel("speed [rpm]")
         ax.tick_params(labelbottom=True)
@@ -115,6 +116,13 @@ def _draw_maps(maps: Mapping[str, Cells], load: str) -> Figure:
     scale.set_label("measured − model [K]")
     scale.outline.set_visible(False)
     return figure
+
+
+def _name_y(axes: Axes, name: str) -> None:
+    """The axis' name at the edge of the picture, however wide a browser draws the numbers beside it."""
+    axes.set_ylabel(name)
+    across = blended_transform_factory(axes.figure.transFigure, axes.transAxes)
+    axes.yaxis.set_label_coords(0.026, 0.5, transform=across)
 
 
 def residual_colours(largest: float) -> ScalarMappable:
@@ -185,7 +193,7 @@ def error_along(runs: Sequence[Run]) -> Plot | None:
         for ax, (lines, edges, label) in zip(axes, shown, strict=True):
             _draw_along(ax, lines, edges)
             ax.set(xlabel=label)
-        axes[0].set(ylabel="measured − model [K]")
+        _name_y(axes[0], "measured − model [K]")
         name_lines(axes[-1], _ends(shown[-1][0]))
         svg = inline_svg(figure, title)
     note = f"Mean of each cell that holds {ENOUGH_S:.0f} s; all sessions together."
