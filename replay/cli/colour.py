@@ -8,7 +8,7 @@ import sys
 from typing import TextIO
 
 BOLD, WORST, NAMED, REFUSED = "1", "1;33", "1;36", "1;31"  # select graphic rendition (ECMA-48, 8.3.117)
-LABELS = {"Answer": BOLD, "What is wrong": WORST, "Named cause": NAMED, "Unknown": NAMED}
+LABELS = {"Answer": BOLD, "What is wrong": WORST, "Named cause": NAMED, "Stands out": NAMED, "Unknown": NAMED}
 # A paragraph beside its label, as `replay.show.words.terminal.labelled` lays it out, with the lines that go on below.
 PARAGRAPH = re.compile(rf"^({'|'.join(LABELS)}) {{2,}}\S.*(?:\n {{18}}\S.*)*", re.MULTILINE)
 

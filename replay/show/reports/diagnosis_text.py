@@ -101,7 +101,8 @@ def _cause(diagnosis: Diagnosis, cause: Named) -> Iterator[tuple[str, Sequence[s
     named += [f"of that ln BF {verdict.comes_from(cause.evidence)}"] if cause.evidence else []
     named += [cause.says, verdict.effect(diagnosis, cause)]
     named += [cause.formula] if cause.formula else []
-    yield "Named cause", named if cause.improved else [*named, verdict.whether_improved(diagnosis, cause)]
+    label = "Stands out" if doubts.rather_lacking(diagnosis, cause) else "Named cause"
+    yield label, named if cause.improved else [*named, verdict.whether_improved(diagnosis, cause)]
     told = [f"{other}: {says}" for other, says in verdict.rivals_left(cause)]
     if told:
         share = f"its own share of that probability is {verdict.probability(cause.member_probability)}"

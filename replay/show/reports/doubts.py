@@ -6,9 +6,11 @@ from __future__ import annotations
 from ingest.texts.times import clock
 from replay.show.reports import verdict
 from replay.show.words import words
-from replay.studies.diagnosis.answer import Contradicting, Diagnosis
+from replay.studies.diagnosis.answer import Contradicting, Diagnosis, Named
+from twin.diagnosis.crudeness import listed
 
 ENOUGH = 3  # sessions: what fewer cannot say is told
+UNLIKELY = 0.5  # what stands out with a crude file and is no more probable is rather what the file lacks
 
 
 def told(diagnosis: Diagnosis) -> list[str]:
@@ -42,11 +44,19 @@ def crude(diagnosis: Diagnosis) -> str:
     nothing does or kept sessions confirm it."""
     if diagnosis.crudeness is None:
         return ""
+    far = f"{diagnosis.crudeness:.1f} times as far as"
     return (
-        f"The file is crude: its numbers had to move {diagnosis.crudeness:.1f} times as far as usual, also with what "
-        "was found, as they do where a file of few parts lacks some. What was found may be that, and no kept session "
-        "confirms it as a cause."
+        f"The file is crude: its numbers had to move {'further than' if far.startswith('1.0') else far} usual, also "
+        "with what was found, as they do where a file of few parts lacks some. What was found may be that, and no kept "
+        "session confirms it as a cause."
     )
+
+
+def rather_lacking(diagnosis: Diagnosis, cause: Named | None = None) -> bool:
+    """Whether what stands out, a cause or else a heat without a name, is rather something that a crude file lacks."""
+    if diagnosis.crudeness is None:
+        return False
+    return (listed(diagnosis.crudeness) if cause is None else cause.probability) <= UNLIKELY
 
 
 def not_judged(diagnosis: Diagnosis) -> str:

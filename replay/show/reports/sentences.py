@@ -6,9 +6,7 @@ from replay.show.reports import beyond_usual, doubts, kept_errors, two_models, v
 from replay.show.reports.verdict import Ending, against, ending
 from replay.show.words import words
 from replay.studies.diagnosis.answer import Diagnosis, Named
-from twin.diagnosis.crudeness import listed
 
-UNLIKELY = 0.5  # what stands out with a crude file and is no more probable is rather what the file lacks
 LONGEST = 45  # words of a first sentence: what is as long becomes two
 
 
@@ -36,7 +34,7 @@ def _found(diagnosis: Diagnosis) -> str:
             return _named(diagnosis)
         case Ending.UNKNOWN:
             something = verdict.something(diagnosis.unknown[0])
-            if diagnosis.crudeness is not None and listed(diagnosis.crudeness) <= UNLIKELY:
+            if doubts.rather_lacking(diagnosis):
                 something = f"the file is crude and lacks something: {something[0].lower()}{something[1:]}"
             if diagnosis.causes:
                 return f"{something}, beside {words.counted(len(diagnosis.causes), 'fault')} of the record"
@@ -55,7 +53,7 @@ def _named(diagnosis: Diagnosis) -> str:
         told += f", and {words.counted(len(more), 'more cause')}"
     elif others:
         told += f", or {words.counted(others, 'other cause')}"
-    if diagnosis.crudeness is None or first.probability > UNLIKELY:
+    if not doubts.rather_lacking(diagnosis, first):
         return told
     return f"rather what the crude file lacks than a cause ({verdict.probability(first.probability)} probable): {told}"
 

@@ -626,15 +626,18 @@ def test_a_crude_file_is_told_with_the_evidence_that_it_asks_for() -> None:
     told = flat(diagnosis_text(replace(SEVERAL, crudeness=2.13)))
     assert "The file is crude: its numbers had to move 2.1 times as far as usual, also with what was found" in told
     assert "What was found may be that, and no kept session confirms it as a cause." in told
+    assert "its numbers had to move further than usual" in flat(diagnosis_text(replace(SEVERAL, crudeness=1.02)))
     assert "crude" not in flat(diagnosis_text(SEVERAL))
 
 
 @pytest.mark.parametrize(
-    ("probability", "begins"), [(0.06, "Rather what the crude file lacks than a cause"), (0.97, "Magnet loss")]
+    ("probability", "begins", "label"),
+    [(0.06, "Rather what the crude file lacks than a cause", "Stands out"), (0.97, "Magnet loss", "Named cause")],
 )
-def test_an_unlikely_cause_of_a_crude_file_is_not_said_as_one(probability: float, begins: str) -> None:
-    told = headline(replace(SEVERAL, crudeness=2.13, causes=[replace(EDDY, probability=probability), BIAS]))
-    assert told.startswith(begins)
+def test_an_unlikely_cause_of_a_crude_file_is_not_said_as_one(probability: float, begins: str, label: str) -> None:
+    crude = replace(SEVERAL, crudeness=2.13, causes=[replace(EDDY, probability=probability), BIAS])
+    told = headline(crude)
+    assert told.startswith(begins) and f"\n{label} " in diagnosis_text(crude)
     assert "magnet loss grows with speed squared and current squared, and 1 more cause" in told.lower()
 
 
