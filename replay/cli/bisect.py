@@ -22,7 +22,7 @@ def run(args: argparse.Namespace) -> Answer:
     from ingest.facts import facts
     from replay.cli.progress import tell
     from replay.engine.files.models import model_named
-    from replay.show.verbs.bisect import bisect_text, document
+    from replay.show.reports.bisect import bisect_text, document
     from replay.studies.since import bisect
 
     with opened(args, write=args.model is not None) as store:

@@ -19,7 +19,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> Answer:
     from ingest.facts import facts
     from replay.cli.progress import tell
-    from replay.show.verbs.seen import document, seen_text
+    from replay.show.reports.seen import document, seen_text
     from replay.studies.diagnosis.accept import find_diagnosis
     from replay.studies.since.seen import cause_of, seen
 

@@ -44,12 +44,16 @@ def crude(diagnosis: Diagnosis) -> str:
     nothing does or kept sessions confirm it."""
     if diagnosis.crudeness is None:
         return ""
-    far = f"{diagnosis.crudeness:.1f} times as far as"
     return (
-        f"The file is crude: its numbers had to move {'further than' if far.startswith('1.0') else far} usual, also "
-        "with what was found, as they do where a file of few parts lacks some. What was found may be that, and no kept "
-        "session confirms it as a cause."
+        f"The file is crude: its numbers had to move {times(diagnosis.crudeness)} usual, also with what was found, as "
+        "they do where a file of few parts lacks some. What was found may be that, and no kept session confirms it as "
+        "a cause."
     )
+
+
+def times(crudeness: float) -> str:
+    """ "2.1 times as far as", or "further than" where no digit tells it from 1."""
+    return "further than" if crudeness < 1.05 else f"{crudeness:.1f} times as far as"
 
 
 def rather_lacking(diagnosis: Diagnosis, cause: Named | None = None) -> bool:

@@ -20,6 +20,7 @@ from replay.errors import ReplayDataError
 from replay.studies.sessions.fitting import fitting
 from replay.studies.sessions.recorded import test_of
 from replay.studies.since.acting import Acting, Fitted, Since, acting, driven, fitted
+from twin.diagnosis.crudeness import crudeness
 from twin.diagnosis.onset import Onsets, weighed
 from twin.diagnosis.refined import Tell
 from twin.fitting.model import Model
@@ -65,7 +66,8 @@ class MotorVersion:
 class Bisected:
     """Where the residual of a channel began. `none`: probability that nothing did; `since` as of `SeenMotor`; `causes`
     the most probable pairs of cause and set; `before` and `first`: the sessions between which it most probably began,
-    None where that is before the first or nothing began; `changed` between them; the motor's `versions`."""
+    None where that is before the first or nothing began; `changed` between them; the motor's `versions`; how far
+    the file's numbers had to move, over what is usual (`twin.diagnosis.crudeness`)."""
 
     channel: str
     specimen: str | None
@@ -79,6 +81,7 @@ class Bisected:
     first: SessionRecorded | None
     changed: tuple[Change, ...]
     versions: tuple[MotorVersion, ...]
+    crudeness: float
 
 
 def sessions_of(facts: Facts, only: Sequence[SessionRecorded], specimen: str | None) -> list[SessionRecorded]:
@@ -138,6 +141,7 @@ def bisect(
         first=sessions[first] if before else None,
         changed=tuple(changes(store, facts, before, sessions[first])) if before else (),
         versions=_versions(store, facts, sessions, model, level, channel),
+        crudeness=crudeness(read.fit, read.fit.model.parameters),
     )
 
 

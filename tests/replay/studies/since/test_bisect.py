@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from made.fleet import Fleet
 from replay.cli import main
+from replay.show.reports.bisect import bisect_text
+from replay.studies.since.acting import Since
+from replay.studies.since.bisect import Began, Bisected
 
 Capture = pytest.CaptureFixture[str]
 
@@ -27,9 +31,19 @@ def test_the_session_where_it_began_is_found_with_what_changed(fleet: Fleet, tmp
     assert total == pytest.approx(1.0)
     assert "inverter = sw 4.2 (was sw 4.1)" in [one["says"] for one in found["changes"]]
     published = [one["published_K"] for one in found["sessions"]]
+    assert found["crudeness"] > 1.0 and "In doubt" not in text, "it began later: no file does that"
     assert abs(published[0]) < 0.5
     assert published[1] > 5.0
     assert text.rstrip().splitlines()[-1] == f"next: whyhot replay --store {fleet.store} a_1 a_2"
+
+
+def test_what_a_crude_file_may_lack_is_in_doubt_as_a_cause() -> None:
+    always = ("in all sessions",)
+    causes = (Began("capacity.winding.attached", always, 0.98, 900.0, 90.0),)
+    found = Bisected("T_W", None, "m", "0" * 64, (), 0.02, (Since(always, 0.98),), causes, None, None, (), (), 2.13)
+    told = " ".join(bisect_text(found).split())
+    assert "In doubt The file's numbers had to move 2.1 times as far as usual, as they do beside a large cause" in told
+    assert "In doubt" not in bisect_text(replace(found, none=0.7)) + bisect_text(replace(found, crudeness=0.9))
 
 
 def test_where_nothing_began_it_says_so(fleet: Fleet, capsys: Capture) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from made.fleet import Fleet
 from replay.cli import main
-from replay.show.verbs.seen import since_says
+from replay.show.reports.seen import since_says
 from replay.studies.since.acting import Since
 
 Capture = pytest.CaptureFixture[str]
@@ -37,6 +37,8 @@ def test_the_motors_with_the_cause_are_found_and_since_when(fleet: Fleet, tmp_pa
     assert [one["name"] for one in motors["servo-02"]["sessions"] if one["learnt_from"]] == ["b_1", "b_2"]
     assert motors["servo-02"]["amplitude"] == pytest.approx(2.3, abs=0.5)  # ln of 300 W over 30 W
     assert "acts in 2 of 3 motors" in text
+    assert "In doubt 2 sessions to learn from and none kept cannot say" in " ".join(text.split())
+    assert len(found["in_doubt"]) == 1
     assert since_says([Since(("in all sessions",), 0.998)], 1.0) == "in all sessions", "no other has a percent"
     assert (
         since_says([Since(("since a_2",), 0.9), Since(("since a_3",), 0.1)], 1.0) == "since a_2, 90 %; since a_3, 10 %"

@@ -7,11 +7,13 @@ from collections.abc import Iterator
 from typing import Any
 
 from ingest.catalogue.page import table
-from replay.show.verbs.seen import called, percent, since_json, since_says
+from replay.show.reports import doubts
+from replay.show.reports.seen import called, percent, since_json, since_says
 from replay.show.words import words
 from replay.show.words.terminal import labelled
 from replay.show.words.width import width
 from replay.studies.since.bisect import Bisected
+from twin.diagnosis.crudeness import USUAL
 
 
 def document(found: Bisected) -> dict[str, Any]:
@@ -23,6 +25,7 @@ def document(found: Bisected) -> dict[str, Any]:
         "model": found.model,
         "specimen": found.specimen,
         "nothing_began": found.none,
+        "crudeness": found.crudeness,
         "since": since_json(found.since),
         "first": found.first.session if found.first else None,
         "before": found.before.session if found.before else None,
@@ -56,6 +59,7 @@ def bisect_text(found: Bisected) -> str:
     lines = labelled("Answer", answer(found))
     causes = (f"{one.cause} {called(one.since[:1])}, {percent(one.probability)}" for one in found.causes[:3])
     lines += labelled("May be", *causes)
+    lines += labelled("In doubt", *filter(None, [_in_doubt(found)]))
     if found.first:
         lines += labelled("Changed", *_changed(found))
     head = ("session", "kind", "reads beyond model", "healthy fit", "acts")
@@ -74,6 +78,17 @@ def answer(found: Bisected) -> str:
         )
     began = since_says(found.since, 1.0 - found.none)
     return f"{percent(1.0 - found.none)} that something moves {found.channel}; if so, {began}."
+
+
+def _in_doubt(found: Bisected) -> str:
+    """What is in doubt of something that moves the channel in all sessions: a file that lacks it does so, too."""
+    if found.none >= 0.5 or found.before or found.crudeness <= USUAL:
+        return ""
+    return (
+        f"The file's numbers had to move {doubts.times(found.crudeness)} usual, as they do beside a large cause, and "
+        f"where a file of few parts lacks some: that moves {found.channel} in all sessions, too. A diagnosis with "
+        "sessions kept tells them apart."
+    )
 
 
 def _changed(found: Bisected) -> list[str]:

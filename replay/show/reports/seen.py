@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from ingest.catalogue.page import table
+from replay.show.reports import doubts
 from replay.show.words import words
 from replay.show.words.terminal import labelled
 from replay.show.words.width import width
@@ -25,6 +26,7 @@ def document(found: SeenElsewhere) -> dict[str, Any]:
         "motor": found.diagnosis.motor,
         "cause": found.cause.id,
         "motors": [_motor(one) for one in found.motors],
+        "in_doubt": doubts.told(found.diagnosis),
         "not_asked": list(found.not_asked),
     }
 
@@ -59,6 +61,7 @@ def seen_text(found: SeenElsewhere) -> str:
     for motor in found.motors:
         if told := _since(motor):
             lines += labelled(motor.specimen or "No specimen", told)
+    lines += labelled("In doubt", *doubts.told(found.diagnosis))
     head = ("specimen", "session", "kind", "acts", "")
     lines += ["", *table(head, list(_rows(found)), width(), right=(3,))]
     last = found.motors[0].sessions[-1].session.name
