@@ -274,7 +274,8 @@ def _rows(store: Store) -> dict[str, tables.Rows]:
 def _database(path: str, **settings: str) -> duckdb.DuckDBPyConnection:
     """A database that prints no progress among what a verb answers."""
     connection = duckdb.connect(path, config=dict(settings))
-    connection.execute("SET enable_progress_bar = false")
+    with contextlib.suppress(duckdb.InvalidInputException):  # a Jupyter without ipywidgets, which draws none anyway
+        connection.execute("SET enable_progress_bar = false")
     return connection
 
 

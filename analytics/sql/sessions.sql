@@ -30,6 +30,7 @@ LEFT JOIN (
     SELECT p.session, count(DISTINCT n.channel) AS channels
     FROM base.session_files AS p
     JOIN base.channels AS n ON n.decode = p.decode
+    WHERE n.role IS DISTINCT FROM 'ignored'
     GROUP BY p.session
 ) AS c ON c.session = s.session
 ORDER BY s.place;
@@ -51,5 +52,5 @@ COMMENT ON COLUMN sessions.start IS 'Time of the first record, UTC; null where t
 COMMENT ON COLUMN sessions.start_ns IS 'The same in nanoseconds; where `samples.t_s` counts from';
 COMMENT ON COLUMN sessions.duration_s IS 'From first to last record in seconds';
 COMMENT ON COLUMN sessions.files IS 'Number of files';
-COMMENT ON COLUMN sessions.channels IS 'Number of channels';
+COMMENT ON COLUMN sessions.channels IS 'Number of channels, without those that the bench file ignores';
 COMMENT ON COLUMN sessions.quarantined IS 'Records of its files that could not be read or decoded';

@@ -74,6 +74,7 @@ def test_copper_and_iron_are_means_of_their_channels_and_other_nodes_and_ignored
     add("check", "dc_check", 0.0, CHECK | more, ignored=("bad",))
     rows = ask(store, "SELECT copper_degC, iron_degC, resistance_K_per_W, copper_from, iron_from FROM dc_checks")
     assert rows == [(110.0, 55.0, 0.055, "EW, EW2", "TC, TC2")]
+    assert ask(store, "SELECT channels FROM sessions") == [(len(CHECK | more) - 1,)], "as the catalogue counts"
 
 
 def test_only_the_last_ten_minutes_of_load_give_the_numbers(store: Store, add: Add) -> None:

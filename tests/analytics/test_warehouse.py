@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import random
 import re
+import subprocess
 import sys
 import tempfile
 import time
@@ -255,6 +256,21 @@ def test_a_long_question_prints_no_progress_among_its_answer(store: Store, as_of
     with warehouse.refresh(store, as_of) as opened:
         asked = "SELECT value FROM duckdb_settings() WHERE name = 'enable_progress_bar'"
         assert opened.connection.execute(asked).fetchall() == [("false",)]
+
+
+def test_a_jupyter_that_has_no_widgets_opens_a_store(store: Store) -> None:
+    """DuckDB finds out at its import where it runs, and refuses there to leave away the bar that it cannot draw."""
+    code = """
+import sys, types
+from pathlib import Path
+shell = types.SimpleNamespace(config={"IPKernelApp": {}})
+sys.modules["IPython"], sys.modules["ipywidgets"] = types.SimpleNamespace(get_ipython=lambda: shell), None
+from analytics import warehouse
+from ingest.facts.store import Store
+print(warehouse.refresh(Store.open(Path(sys.argv[1]))).connection.execute("SELECT count(*) FROM sessions").fetchall())
+"""
+    done = subprocess.run([sys.executable, "-c", code, str(store.folder)], capture_output=True, text=True, check=False)
+    assert done.stdout == "[(3,)]\n", done.stderr
 
 
 def test_nothing_new_means_nothing_is_made(store: Store) -> None:
