@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from ingest.errors import WITH_EXTRAS
-from made.browser import faults, printed_pages
+from made.browser import faults, label_faults, printed_pages
 from made.places import ROOT
 
 RECORDINGS = (0, 1, 2, 3, 4, 6, 7, 9, 10, 12, 14)
@@ -113,6 +113,8 @@ def test_help_and_demo_work_from_an_empty_folder(installed: Path, tmp_path: Path
     _run(whyhot, "sql", "SELECT count(*) FROM samples", "--store", "demo/store", cwd=tmp_path, env=env)
     pages = sorted((tmp_path / "demo").glob("*.html"))
     assert len(pages) == 5 and [(page.name, fault) for page in pages for fault in faults(page)] == []
+    pictures = sorted((tmp_path / "demo").glob("*.svg"))
+    assert len(pictures) == 3 and [(one.name, fault) for one in pictures for fault in label_faults(one)] == []
 
 
 def test_a_quoted_line_must_be_printed_word_by_word_and_number_by_number() -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from made.browser import label_faults
 from made.places import EXAMPLES
 from replay.engine.files.motor_file import read_motor
 from replay.show.plots import network_plot
@@ -60,6 +61,13 @@ def test_names_do_not_overlap(reference: Network) -> None:
     gap, room = np.abs(place[:, None] - place[None]), (box[:, None] + box[None]) / 2
     inside = (room > gap).all(axis=2)
     assert not (inside & ~np.eye(len(box), dtype=np.bool_)).any()
+
+
+@pytest.mark.parametrize("name", ["reference_motor", "hust_motor"])
+def test_labels_are_whole_and_apart_in_a_browser(name: str, tmp_path: Path) -> None:
+    network = read_motor((EXAMPLES / name / "motor.toml").read_bytes(), "motor.toml")
+    _svg(network, tmp_path)
+    assert label_faults(tmp_path / f"{network.name}.svg") == []
 
 
 def test_the_side_and_the_outside_of_the_motor_are_where_one_expects_them(reference: Network) -> None:

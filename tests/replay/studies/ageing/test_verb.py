@@ -19,6 +19,7 @@ from analytics.insulation.dose.arrhenius import Activation
 from ingest.facts import facts
 from ingest.facts.events import SessionRecorded
 from ingest.facts.store import Store
+from made.browser import label_faults
 from made.lines_of_damage import damage
 from made.onward import followed
 from made.places import EXAMPLES
@@ -186,6 +187,7 @@ def test_of_a_large_fleet_the_answer_holds_those_that_stand_out_most_and_counts_
     capsys.readouterr()
     page, store = tables / "page.html", str(tables / "store")
     assert main(["ageing", "--store", store, "--report", str(page), "--out", str(tables / "fleet.svg")]) == 0
+    assert label_faults(tables / "fleet.svg") == []
     said = " ".join(capsys.readouterr().out.split())
     assert "and 70 more" in said and "of 20 that were drawn by chance change beyond repeatability" in said
     answer = _asked(tables / "store")

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from made import can_bench
+from made.browser import label_faults
 from replay.cli import main
 from replay.show.verbs.envelope import load_says
 from replay.studies.characterise.envelope import DURATIONS_S
@@ -101,6 +102,7 @@ def test_how_a_session_ended_is_said(answer: Mapping[str, Any]) -> None:
 def test_the_picture_is_there_twice(bench: Path, answer: Mapping[str, Any]) -> None:
     assert answer
     assert (bench / "curve.svg").read_text(encoding="utf-8").count("<svg") == 1
+    assert label_faults(bench / "curve.svg") == []
     assert (bench / "curve.png").stat().st_size > 10_000
 
 
