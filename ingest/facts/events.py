@@ -242,7 +242,8 @@ class ModelExtended(Event):
 
 class GainMeasured(Event):
     """`diagnosis-<id>`: what the causes gain on the kept sessions. `gain`: [{node, mae_before_K, mae_after_K, ci95_K,
-    interval, published_mae_K, outside_trained_share, rms_inside_K, rms_outside_K}]."""
+    interval, published_mae_K, mae_recorded_K: {published, before, after}, reading_moved_K, outside_trained_share,
+    rms_inside_K, rms_outside_K}]."""
 
     diagnosis: str
     gain: list[dict[str, Any]]
