@@ -81,13 +81,15 @@ def draft_bench(
     `at_once`: signals that are recorded together, by logger; of others, two of a quantity are no rivals. Without it all
     are.
 
-    `settings`: `untimed`, why a log has no time: `[time]` is there to be filled in, or names the column of `days`; of
-    one `format` alone, where logs of others have theirs; `absolute`, whether a log has dates;
-    `labels`, the columns of a table that tell "specimen" and "batch" of each row; `loggers`, what wrote the logs.
+    `settings`: `texts`, the columns that hold text, which have no quantity; `untimed`, why a log has no time: `[time]`
+    is there to be filled in, or names the column of `days`; of one `format` alone, where logs of others have theirs;
+    `absolute`, whether a log has dates; `labels`, the columns of a table that tell "specimen" and "batch" of each row;
+    `loggers`, what wrote the logs.
     """
     directory = Directory(signals)
     found = {reference: signal for signal in signals if (reference := _reference(signal, directory))}
-    guessed = {reference: guess(signal.name, signal.unit) for reference, signal in found.items()}
+    texts = {one for one, signal in found.items() if not signal.message and signal.name in settings.get("texts", ())}
+    guessed = {one: guess(signal.name, signal.unit) for one, signal in found.items() if one not in texts}
     known = {reference: quantity for reference, quantity in guessed.items() if quantity not in (None, *_NOT_DRAFTED)}
     inputs = [reference for reference, quantity in known.items() if quantity != "temperature"]
     places = [reference for reference, quantity in known.items() if quantity == "temperature"]
@@ -210,6 +212,8 @@ def _node(name: str, numbered: bool) -> str:
     kept = _words(name)
     if len(kept) > 1 and re.fullmatch(_NO_PLACE, kept[0]):
         kept = kept[1:]
+    if len(kept) > 1 and kept[0].isdigit():  # of an input, as in 101 <Wicklung>
+        kept = [*kept[1:], kept[0]]
     node = "_".join(word if numbered and word == _OVEN_OR_4 else _place_of(word) for word in kept)
     return node if node and node[0].isalpha() else f"node_{node}".rstrip("_")
 

@@ -81,6 +81,16 @@ def test_a_draft_knows_which_loggers_run_at_once(tmp_path: Path, start_s: int, r
     assert ("keep one" in text) == rivals
 
 
+def test_a_column_of_text_is_drafted_as_no_quantity(tmp_path: Path) -> None:
+    """Unless another log has numbers there: then that one is told as it is ingested."""
+    (text := tmp_path / "a.csv").write_text("t,T_wdg,speed\n0,20,1.2 K rpm\n1,21,900 rpm off\n")
+    found = inspect([text], [], None)
+    assert {one.signal.name: one.quantity for one in found.signals} == {"T_wdg": "temperature", "speed": None}
+    assert 'signal = "speed"' not in draft(found) and "#   speed" in draft(found)
+    (numbers := tmp_path / "b.csv").write_text("t,T_wdg,speed\n0,20,1200\n1,21,900\n")
+    assert 'signal = "speed"' in draft(inspect([text, numbers], [], None))
+
+
 def test_dates_of_either_order_are_asked_for_in_words_and_in_the_draft(tmp_path: Path) -> None:
     path = tmp_path / "us.csv"
     path.write_text("Time,T_w\n5/6/2025 1:00 PM,20\n5/6/2025 1:01 PM,21\n", encoding="utf-8")
