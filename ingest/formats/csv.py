@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import SERIES, SHOWN, Log, Rejected, Rows
-from ingest.formats._csv_begun import begun, says_start
+from ingest.formats._csv_begun import begun, in_doubt, says_start
 from ingest.formats._csv_clocks import Clock
 from ingest.formats._csv_dialect import (
     BLANKS,
@@ -173,8 +173,12 @@ class CsvLog(Log):
 
     def _dated(self, clock: Clock, dialect: Dialect) -> Clock:
         """The clock, from the start that a line above the table says, where nothing else dates it."""
-        start = None if clock.absolute or self.time.untimed else begun(self.time, clock, dialect)
+        if clock.absolute or self.time.untimed:
+            return clock
+        start = begun(self.time, clock, dialect)
         if start is None:
+            if said := in_doubt(dialect):
+                self.settings["date_not_understood"] = said[:SHOWN]
             return clock
         self.settings["begun"] = start.line[:SHOWN]
         self.time = replace(self.time, start_ns=start.start_ns)
