@@ -8,7 +8,12 @@ from collections.abc import Sequence
 from ingest.formats._csv_dialect import Dialect, cells
 
 RUNTIME = ('"$RT_', "$RT_")  # marks of Siemens' operator panels: switched on or off, or how many lines there are
-TYPES_LINE = re.compile(r'"?[fiu][1248]"?(?:[\t;, ]+"?(?:[fiu][1248]|s\d*)"?)*[\t;, ]*\r?')  # as ETAS writes them
+_TYPE = (  # of the values of a column
+    r"[fiu][1248]|(?:float|u?int)(?:8|16|32|64)?|double|single|l?real|[us]?d?int|d?word|byte|bool(?:ean)?|string|datetime"
+)
+TYPES_LINE = re.compile(  # `f8 f8 s` as ETAS writes them, `Double;Float;Bool`
+    rf'(?i)"?(?:{_TYPE})"?(?:[\t;, ]+"?(?:{_TYPE}|s\d*)"?)*[\t;, ]*\r?'
+)
 _STATISTICS = (  # what lines below a table are called that tell of its columns, in five languages
     "min;minimum;minimo;max;maximum;massimo;mean;average;avg;mittel;mittelwert;durchschnitt;media;moyenne;promedio;median;"
     "std;stddev;std dev;standard deviation;standardabweichung;sigma;variance;varianz;sum;summe;somma;somme;suma;total;"
@@ -47,4 +52,4 @@ def _is_none(line: str, dialect: Dialect, *, empty: bool, text_first: bool) -> b
 
 
 def _words(first: Sequence[str]) -> str:
-    return "".join(first).strip(' :."\r').casefold()
+    return "".join(first).strip(' :."\r').replace(". ", " ").casefold()

@@ -40,7 +40,7 @@ from ingest.formats._csv_dialect import (
     no_table_of,
     recognise_dialect,
 )
-from ingest.formats._csv_labels import labels_aside
+from ingest.formats._csv_labels import labels_aside, remarks_aside
 from ingest.formats._csv_lines import LineReader, Lines
 from ingest.formats._csv_no_rows import is_row, no_rows
 from ingest.formats._csv_numbers import MISSING, OTHER, Numerals, is_missing
@@ -440,7 +440,7 @@ def no_table(path: Path) -> str | None:
 
 def _with_header(lines: list[str]) -> list[str]:
     """The first lines of a file with a header in one line."""
-    return labels_aside(header_in_one_line(lines))
+    return remarks_aside(labels_aside(header_in_one_line(lines)))
 
 
 def _before_a_header(lines: Sequence[str], begin: int) -> int:
