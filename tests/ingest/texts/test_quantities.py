@@ -131,6 +131,7 @@ def test_every_spelling_leads_to_a_unit_that_is_its_own_spelling() -> None:
         ("°C", "degC"),
         ("ºC", "degC"),
         ("\ufffdC", "degC"),
+        ("ßC", "degC"),
         ("?C", "degC"),
         ("deg. C", "degC"),
         ("KW", "kW"),
