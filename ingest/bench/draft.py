@@ -6,6 +6,7 @@ import json
 import re
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from functools import reduce
 from typing import Any
 from unicodedata import normalize
 
@@ -197,7 +198,8 @@ def _without_unit(name: str) -> str:
     """A name without the unit that it ends in: "T_Rücken" of `T_Rücken [°C]`, "EW_3" of `EW_3_degC`."""
     unit = unit_in_name(name)
     bare = re.sub(r"\s*\[[^\[\]]*\]\s*$", "", name)
-    return bare.removesuffix(f"({unit})").removesuffix(f"_{unit}").strip() or name
+    ends = (f"({unit})", f"_{unit}", f" in {unit}")
+    return reduce(str.removesuffix, ends, bare.partition(f", {unit}")[0]).strip() or name
 
 
 def _words(name: str) -> list[str]:

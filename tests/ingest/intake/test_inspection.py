@@ -135,6 +135,16 @@ def test_numbers_of_rows_are_no_specimens(tmp_path: Path) -> None:
     assert file.stamps == ("1 record with the stamp of another one and other values",)
 
 
+def test_the_number_of_a_sensor_in_its_name_is_no_specimen_and_its_unit_stands_before(tmp_path: Path) -> None:
+    """As HOBO loggers write it."""
+    names = '"#","Date Time, GMT+01:00","Temp, °F (LGR S/N: 10, SEN S/N: 20451)"\n'
+    (path := tmp_path / "a.csv").write_text(names + "1,03/14/2025 09:00:00,68\n2,03/14/2025 09:00:01,69\n")
+    found = inspect([path], [], None)
+    bench = read_bench(draft(found).encode(), "draft.toml")
+    assert (bench.specimen_column, found.files[0].stamps) == (None, ())
+    assert [(one.unit, one.node) for one in bench.channels] == [("°F", "temp")]
+
+
 def test_only_columns_that_all_logs_have_are_drafted_as_those_of_specimens(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("time,specimen,T\n0,A,20\n1,B,21\n", encoding="utf-8")
     assert "specimen_column" not in draft(inspect([tmp_path / "a.csv", csv(tmp_path / "b.csv", 1.0, 2.0)], [], None))

@@ -263,6 +263,11 @@ def test_a_quantity_is_guessed_from_unit_and_name(signal: str, unit: str | None,
         ("/motor/state.rpm", None),
         ("Torque (lb-ft)", "lb-ft"),
         ("Lager (A) links", None),
+        ("Temperatur Wicklung in °C", "°C"),
+        ("Drehzahl in 1/min", "1/min"),
+        ("Temp, °F (LGR S/N: 10, SEN S/N: 7)", "°F"),
+        ("T winding, A", None),
+        ("T stator in slot", None),
     ],
 )
 def test_a_unit_is_read_off_a_name_where_it_speaks_for_a_quantity(signal: str, unit: str | None) -> None:
