@@ -11,8 +11,8 @@ RUNTIME = ('"$RT_', "$RT_")  # marks of Siemens' operator panels: switched on or
 _TYPE = (  # of the values of a column
     r"[fiu][1248]|(?:float|u?int)(?:8|16|32|64)?|double|single|l?real|[us]?d?int|d?word|byte|bool(?:ean)?|string|datetime"
 )
-TYPES_LINE = re.compile(  # `f8 f8 s` as ETAS writes them, `Double;Float;Bool`
-    rf'(?i)"?(?:{_TYPE})"?(?:[\t;, ]+"?(?:{_TYPE}|s\d*)"?)*[\t;, ]*\r?'
+TYPES_LINE = re.compile(  # `f8 f8 s` as ETAS writes them, `Double;Float;Bool`; "","","Avg","Smp" of Campbell's loggers
+    rf'(?i)(?:"?(?:{_TYPE})"?(?:[\t;, ]+"?(?:{_TYPE}|s\d*)"?)*[\t;, ]*|"",""(?:,"[a-z]{{0,3}}")+)\r?'
 )
 _STATISTICS = (  # what lines below a table are called that tell of its columns, in five languages
     "min;minimum;minimo;max;maximum;massimo;mean;average;avg;mittel;mittelwert;durchschnitt;media;moyenne;promedio;median;"
@@ -48,6 +48,8 @@ def _is_none(line: str, dialect: Dialect, *, empty: bool, text_first: bool) -> b
         first = cells(line, dialect.delimiter)[:1] if not text_first else []
         ends = len(dialect.names) > 1 and _words([line]) in ENDS
         return ends or TYPES_LINE.fullmatch(line) is not None or _words(first) in STATISTICS
+    if begin == "," and TYPES_LINE.fullmatch(line):
+        return True
     return line.startswith(RUNTIME) or (empty and line != "" and not line.strip(f'{dialect.delimiter} "\r'))
 
 

@@ -51,8 +51,9 @@ from ingest.formats._csv_time import recognise_clock
 from ingest.formats._long_tables import LongTable, recognise_long
 from ingest.formats._text import TextFile, decoded, place_of
 
-NUMBER_AND_UNIT = re.compile(  # or a sign behind it: 1.5-, 20 ± 0.5
+NUMBER_AND_UNIT = re.compile(  # or a sign behind it: 1.5-, 20 ± 0.5; or (1.5), 0x1F, and 1.5D+01 of Fortran
     r"[+-]?\d[\d.,]* ?[^\W\d]{1,4}|[+-]?\d[\d.,]* [^\s\d]{1,6}|[+-]?\d[\d.,]*(?:[-*°%]| ?± ?[\d.,]+)"
+    r"|\(\d[\d.,]*\)|0[xX][0-9a-fA-F]+|[+-]?\d[\d.,]*[dD][+-]?\d+"
 )
 LATE_DECIMAL = rb"[+-]?(?:\d+,(?:\d{1,2}|\d{4,})|0,\d+|\d+,\d+[eE][+-]?\d+)"
 NUMBER_BEGINS = frozenset("0123456789+-.")

@@ -555,8 +555,8 @@ def test_cells_that_do_not_end_in_units_of_one_kind_stay_texts(tmp_path: Path, c
     assert columns["x"] == [*cells]
 
 
-@pytest.mark.parametrize("cell", ["1.5-", "20 ± 0.5", "20±0.5"])
-def test_numbers_with_signs_behind_them_are_texts_that_are_named(tmp_path: Path, cell: str) -> None:
+@pytest.mark.parametrize("cell", ["1.5-", "20 ± 0.5", "20±0.5", "(1.5)", "0x1F", "2.05D+01"])
+def test_numbers_with_other_signs_are_texts_that_are_named(tmp_path: Path, cell: str) -> None:
     log, _, columns = read(table(tmp_path, f"time,T,n\n0,{cell},1\n1,{cell},2\n"))
     assert (columns["T"], log.settings["numbers_with_units"]) == ([cell, cell], {"T": cell})
 

@@ -155,6 +155,12 @@ LOGGED = {
         begins_ns=0,
         step_ns=TENTH,
     ),
+    "TOA5 of Campbell": Logged(
+        '"TOA5","bench","CR1000X","7","CR1000X.Std.05","CPU:a.CR1X","5","T1"\n"TIMESTAMP","RECORD","T","n"\n'
+        '"TS","RN","Deg C","rpm"\n"","","Avg","Smp"\n"2025-03-14 08:00:00",0,20,5\n"2025-03-14 08:00:01",1,21,6\n'
+        '"2025-03-14 08:00:02",2,"NAN",7\n',
+        units=("Deg C", "rpm"),
+    ),
     "a trend of Rockwell": Logged(
         "Controller Name:,L81E\nTrend Name:,Run 3\nTrend Tags:,2\nSample Period:,1000,ms\n"
         "Header:,Date,Time,T,n\nData:,3/14/2025,8:00:00;000,20,5\nData:,3/14/2025,8:00:01;000,21,6\n"
