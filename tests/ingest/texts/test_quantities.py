@@ -132,6 +132,8 @@ def test_every_spelling_leads_to_a_unit_that_is_its_own_spelling() -> None:
         ("ºC", "degC"),
         ("\ufffdC", "degC"),
         ("ßC", "degC"),
+        ("øC", "degC"),
+        ("¡C", "degC"),
         ("?C", "degC"),
         ("deg. C", "degC"),
         ("KW", "kW"),
