@@ -6,6 +6,7 @@ import json
 import re
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from functools import reduce
 from typing import Any
 from unicodedata import normalize
 
@@ -81,13 +82,15 @@ def draft_bench(
     `at_once`: signals that are recorded together, by logger; of others, two of a quantity are no rivals. Without it all
     are.
 
-    `settings`: `untimed`, why a log has no time: `[time]` is there to be filled in, or names the column of `days`; of
-    one `format` alone, where logs of others have theirs; `absolute`, whether a log has dates;
-    `labels`, the columns of a table that tell "specimen" and "batch" of each row; `loggers`, what wrote the logs.
+    `settings`: `texts`, the columns that hold text, which have no quantity; `untimed`, why a log has no time: `[time]`
+    is there to be filled in, or names the column of `days`; of one `format` alone, where logs of others have theirs;
+    `absolute`, whether a log has dates; `labels`, the columns of a table that tell "specimen" and "batch" of each row;
+    `loggers`, what wrote the logs.
     """
     directory = Directory(signals)
     found = {reference: signal for signal in signals if (reference := _reference(signal, directory))}
-    guessed = {reference: guess(signal.name, signal.unit) for reference, signal in found.items()}
+    texts = {one for one, signal in found.items() if not signal.message and signal.name in settings.get("texts", ())}
+    guessed = {one: guess(signal.name, signal.unit) for one, signal in found.items() if one not in texts}
     known = {reference: quantity for reference, quantity in guessed.items() if quantity not in (None, *_NOT_DRAFTED)}
     inputs = [reference for reference, quantity in known.items() if quantity != "temperature"]
     places = [reference for reference, quantity in known.items() if quantity == "temperature"]
@@ -195,7 +198,8 @@ def _without_unit(name: str) -> str:
     """A name without the unit that it ends in: "T_Rücken" of `T_Rücken [°C]`, "EW_3" of `EW_3_degC`."""
     unit = unit_in_name(name)
     bare = re.sub(r"\s*\[[^\[\]]*\]\s*$", "", name)
-    return bare.removesuffix(f"({unit})").removesuffix(f"_{unit}").strip() or name
+    ends = (f"({unit})", f"_{unit}", f" in {unit}")
+    return reduce(str.removesuffix, ends, bare.partition(f", {unit}")[0]).strip() or name
 
 
 def _words(name: str) -> list[str]:
@@ -210,6 +214,8 @@ def _node(name: str, numbered: bool) -> str:
     kept = _words(name)
     if len(kept) > 1 and re.fullmatch(_NO_PLACE, kept[0]):
         kept = kept[1:]
+    if len(kept) > 1 and kept[0].isdigit():  # of an input, as in 101 <Wicklung>
+        kept = [*kept[1:], kept[0]]
     node = "_".join(word if numbered and word == _OVEN_OR_4 else _place_of(word) for word in kept)
     return node if node and node[0].isalpha() else f"node_{node}".rstrip("_")
 

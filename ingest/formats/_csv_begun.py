@@ -11,7 +11,7 @@ import numpy as np
 from ingest.formats import TimeSpec
 from ingest.formats._csv_clocks import Clock, OfDay
 from ingest.formats._csv_dialect import Dialect, cells
-from ingest.formats._csv_stamp_columns import NO_RECORD, known_forms, of_cells, times_of
+from ingest.formats._csv_stamp_columns import NO_RECORD, asked, known_forms, of_cells, times_of
 from ingest.formats._csv_stamps import CLOCK_ALONE, DATE_ALONE, DAY_NS, SECOND_NS
 
 _OF = (  # what was begun
@@ -48,6 +48,11 @@ def begun(time: TimeSpec, clock: Clock, dialect: Dialect) -> Begun | None:
     return Begun(start, line) if start is not None and abs(first) <= CLOSE_NS else None
 
 
+def in_doubt(dialect: Dialect) -> str | None:
+    """The start above the header that may begin with the day or with the month; None where there is none."""
+    return next((stamp for stamp, _ in _said(dialect) if asked(_alone(stamp, dialect))), None)
+
+
 def says_start(line: str, delimiter: str) -> bool:
     """Whether a line says a start: below rows a logger wrote it that was started anew."""
     return _matched(line, delimiter) is not None
@@ -71,9 +76,13 @@ def _said(dialect: Dialect) -> Iterator[tuple[str, str]]:
 
 def _ns(time: TimeSpec, zone: str, stamp: str, dialect: Dialect) -> int | None:
     """A stamp in nanoseconds UTC, read as one in a cell of the table would be; None where it is none, or may be two."""
-    alone = replace(dialect, names=("start",), numeric=(False,), sample=((stamp,),), rows=tuple, units={}, in_cells={})
-    stamped = of_cells(replace(time, zone=zone), known_forms(time), ("start",), alone)
+    stamped = of_cells(replace(time, zone=zone), known_forms(time), ("start",), _alone(stamp, dialect))
     if stamped is None:
         return None
     t_ns, bad = stamped.t_ns(np.array([stamp], object), NO_RECORD)
     return None if bad[0] else int(t_ns[0])
+
+
+def _alone(stamp: str, dialect: Dialect) -> Dialect:
+    """A table with a stamp alone, written as this one."""
+    return replace(dialect, names=("start",), numeric=(False,), sample=((stamp,),), rows=tuple, units={}, in_cells={})

@@ -76,6 +76,7 @@ class Counted(Clock):
     parts: float = 1.0  # of a second, of which the last of two columns counts how many are to be added
     zero: float = 0.0
     step_ns: int = 1
+    apart: float = 0.0  # from row to row, where no unit is said and seconds are unlikely
     _wraps: int = field(default=0, init=False)
     _last: float = field(default=np.nan, init=False)
 
@@ -95,7 +96,8 @@ class Counted(Clock):
         return np.asarray(cells + wraps * float(WRAP)) if self._wraps else cells
 
     def counted(self) -> dict[str, Any]:
-        return {"counter_wraps": self._wraps} if self._wraps else {}
+        said = {"counter_wraps": self._wraps, "time_unit_unsaid": self.apart}
+        return {what: value for what, value in said.items() if value}
 
 
 def wraps_of(counts: NDArray[np.float64], before: float = np.nan) -> Ints:

@@ -31,6 +31,7 @@ ONE_CELL = re.compile(r'"(?:[^"]|"")*"\r?')  # a line in quotes
 STAMPED = re.compile(r"\d:\d\d|\d[-/.]\d+[-/.]\d")  # as no name of a column is, of the cells that may be stamps
 NAME_AND_UNIT = re.compile(r"\w.*[\[(].*[\])]$")  # so that a line of them holds names
 UNIT_WORDS = ("unit", "units", "einheit", "einheiten", "unità")  # that head a line of units above the names
+SIGNAL_NAME = "signal name"  # heads what the settings of Graphtec's loggers call each input
 
 
 @dataclass(frozen=True)
@@ -143,13 +144,14 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
         header.pop()  # names that end with a delimiter above rows that do not
     _check_header(header, rows, delimiter, log)
     fitting = [tuple(cell.strip() for cell in row) for row in rows if len(row) == len(header)]
-    names, renamed = unique(header)
+    names, renamed = unique(_called_in_settings(lines[:above], header, delimiter))
     columns = zip(names, zip(*fitting, strict=True), strict=False)
     in_cells = {name: unit for name, column in columns if (unit := unit_in_cells(column))}
     ends = [in_cells.get(name, "") for name in names]
     fitting = [tuple(bare(cell, end) for cell, end in zip(row, ends, strict=True)) for row in fitting]
     numerals = _csv_numbers.recognise((cell for row in fitting for cell in row), delimiter)
-    units = _units_of_settings(lines[:above], names, delimiter) | _units_above(lines[:above], names, delimiter)
+    of_settings = _units_of_settings(lines[:above], dict(zip(header, names, strict=True)), delimiter)
+    units = of_settings | _units_above(lines[:above], names, delimiter)
     has_units = _is_units_row(fitting, numerals)
     units |= {name: unit for name, text in zip(names, header, strict=True) if (unit := _unit_in(text))}
     if has_units:
@@ -200,14 +202,26 @@ def _units_above(lines: Sequence[str], names: Sequence[str], delimiter: str) -> 
     return {name: _bare(cell) for name, cell in zip(names[1:], said[1:], strict=False) if cell}
 
 
-def _units_of_settings(lines: Sequence[str], names: Sequence[str], delimiter: str) -> dict[str, str]:
-    """The units that a table of settings above the names says, a line for each name, as Graphtec writes it."""
+def _units_of_settings(lines: Sequence[str], names: Mapping[str, str], delimiter: str) -> dict[str, str]:
+    """The units that a table of settings above the header says, a line for each name, as Graphtec writes it; `names`:
+    as the header has it -> as it is called here."""
     units, place = dict[str, str](), 0
     for row in ([cell.strip() for cell in cells(line, delimiter)] for line in lines):
         place = next((i for i, cell in enumerate(row) if i and cell.casefold() in UNIT_WORDS), place)
         if place and len(row) > place and row[0] in names and (unit := row[place]):
-            units[row[0]] = _bare(unit)
+            units[names[row[0]]] = _bare(unit)
     return units
+
+
+def _called_in_settings(lines: Sequence[str], header: Sequence[str], delimiter: str) -> list[str]:
+    """The header as such a table of settings calls its inputs, "Winding" for CH1, but where it calls several so."""
+    called, place = dict[str, str](), 0
+    for row in ([cell.strip() for cell in cells(line, delimiter)] for line in lines):
+        place = next((i for i, cell in enumerate(row) if i and cell.casefold() == SIGNAL_NAME), place)
+        if place and len(row) > place and row[0] in header and row[place]:
+            called[row[0]] = row[place]
+    often = Counter((*called.values(), *(name for name in header if name not in called)))
+    return [called[name] if name in called and often[called[name]] == 1 else name for name in header]
 
 
 def _repeats(row: Sequence[str]) -> bool:
@@ -322,6 +336,9 @@ def _usual(rows: Sequence[Sequence[str]]) -> int:
 
 
 def _check_header(header: Sequence[str], rows: Sequence[Sequence[str]], delimiter: str, log: str) -> None:
+    only = [cell.strip() for cell in rows[0]] if len(rows) == 1 else []
+    if _are_units_alone(only) and not any(cell in ("1", "-") or is_value(cell) for cell in only):
+        raise UnreadableLogError(f"{log}: holds names and units and no row below them: nothing to read.")
     if any(header) and all(any(one.is_number(cell) for one in EITHER) for cell in header if cell):
         raise UnreadableLogError(
             f"{log}: line 1 holds numbers where the names of the columns should be. Put a line of names above them."

@@ -10,6 +10,8 @@ Behind a label stands what it says of each trace, below the head the samples, be
 
 The labels: https://www.easymanua.ls/yokogawa/dl6000-series/manual?p=383. Whether `Date` and `Time` are those of the
 trigger or of the end depends on the model, so the samples count from their first.
+
+Test stands write a line of descriptions beside those of names and units, which is neither.
 """
 
 from __future__ import annotations
@@ -17,11 +19,15 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from ingest.formats._csv_dialect import cells, is_value
+from ingest.formats._csv_dialect import DELIMITERS, UNIT_WORDS, cells, is_value
 
 NAMES, UNITS, STEP, STEP_UNIT, BLOCKS = "TraceName", "VUnit", "HResolution", "HUnit", "BlockNumber"
 LOOKS = re.compile(rf'"?{NAMES}"?([,;\t])')
 HEAD = 60  # lines, at most
+REMARKS = frozenset(
+    ("description", "beschreibung", "descrizione", "comment", "kommentar", "remark", "bemerkung", "rate", "long name")
+)
+NEAR = 3  # lines from that of the units
 
 
 def labels_aside(lines: list[str]) -> list[str]:
@@ -42,6 +48,19 @@ def labels_aside(lines: list[str]) -> list[str]:
     timed = f"time [{unit}]" if rows[first][0] else ""
     head = [[STEP, f"{steps.pop()} {unit}"], [timed, *said[NAMES]], ["", *said.get(UNITS, [""] * len(said[NAMES]))]]
     return [*[""] * (first - len(head)), *(_line(row, delimiter) for row in head), *lines[first:]]
+
+
+def remarks_aside(lines: list[str]) -> list[str]:
+    """The lines with blank ones for those near the line of units that are headed as descriptions, comments or rates."""
+    for delimiter in DELIMITERS:
+        rows = [[cell.strip() for cell in cells(line, delimiter)] for line in lines[:HEAD]]
+        heads = [row[0].casefold().rstrip(":") if len(row) > 2 else "" for row in rows]
+        units = next((place for place, head in enumerate(heads) if head in UNIT_WORDS), None)
+        if units is not None:
+            near = range(max(0, units - NEAR), min(units + NEAR + 1, len(rows)))
+            aside = {place for place in near if heads[place] in REMARKS and len(rows[place]) == len(rows[units])}
+            return ["" if place in aside else line for place, line in enumerate(lines)]
+    return lines
 
 
 def _line(row: Sequence[str], delimiter: str) -> str:

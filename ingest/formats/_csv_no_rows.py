@@ -8,7 +8,12 @@ from collections.abc import Sequence
 from ingest.formats._csv_dialect import Dialect, cells
 
 RUNTIME = ('"$RT_', "$RT_")  # marks of Siemens' operator panels: switched on or off, or how many lines there are
-TYPES_LINE = re.compile(r'"?[fiu][1248]"?(?:[\t;, ]+"?(?:[fiu][1248]|s\d*)"?)*[\t;, ]*\r?')  # as ETAS writes them
+_TYPE = (  # of the values of a column
+    r"[fiu][1248]|(?:float|u?int)(?:8|16|32|64)?|double|single|l?real|[us]?d?int|d?word|byte|bool(?:ean)?|string|datetime"
+)
+TYPES_LINE = re.compile(  # `f8 f8 s` as ETAS writes them, `Double;Float;Bool`; "","","Avg","Smp" of Campbell's loggers
+    rf'(?i)(?:"?(?:{_TYPE})"?(?:[\t;, ]+"?(?:{_TYPE}|s\d*)"?)*[\t;, ]*|"",""(?:,"[a-z]{{0,3}}")+)\r?'
+)
 _STATISTICS = (  # what lines below a table are called that tell of its columns, in five languages
     "min;minimum;minimo;max;maximum;massimo;mean;average;avg;mittel;mittelwert;durchschnitt;media;moyenne;promedio;median;"
     "std;stddev;std dev;standard deviation;standardabweichung;sigma;variance;varianz;sum;summe;somma;somme;suma;total;"
@@ -43,8 +48,10 @@ def _is_none(line: str, dialect: Dialect, *, empty: bool, text_first: bool) -> b
         first = cells(line, dialect.delimiter)[:1] if not text_first else []
         ends = len(dialect.names) > 1 and _words([line]) in ENDS
         return ends or TYPES_LINE.fullmatch(line) is not None or _words(first) in STATISTICS
+    if begin == "," and TYPES_LINE.fullmatch(line):
+        return True
     return line.startswith(RUNTIME) or (empty and line != "" and not line.strip(f'{dialect.delimiter} "\r'))
 
 
 def _words(first: Sequence[str]) -> str:
-    return "".join(first).strip(' :."\r').casefold()
+    return "".join(first).strip(' :."\r').replace(". ", " ").casefold()

@@ -31,8 +31,10 @@ NOTHING = (
 )
 OVER_RANGE = ("OL", "O.L", "OVER", "OVLD", "nan", "inf", "Inf", "INF", "∞", "1.#INF", "1.#QNAN", "1.#IND")
 BROKEN = ("OPEN", "Open", "INVALID", "Invalid", "Error", "unavailable", "#OVL", "OTC", "---O-F---", "---O-L---")
-FAULTS = (  # in any of three spellings: "over range", "Over range", "OVER RANGE"; in four languages
+FAULTS = (  # in any of four spellings: "over range", "Over range", "Over Range", "OVER RANGE"; in four languages
     *("overflow", "underflow", "overload", "over range", "overrange", "under range", "underrange", "burnout"),
+    *("bad data", "comm fail", "scan off", "i/o timeout", "calc failed", "pt created"),  # of historians
+    *("sensor error", "sensor fault", "no sensor", "open tc", "Open TC"),
     *("burn out", "open circuit", "short circuit", "sensor break", "no value", "no data", "no signal"),
     *("Überlauf", "Unterlauf", "Fühlerbruch", "Sensorbruch", "Drahtbruch", "Leitungsbruch", "Kurzschluss", "Bruch"),
     *(
@@ -54,7 +56,7 @@ MISSING = frozenset(
         *NOTHING,
         *FAILED,
         *BROKEN,
-        *(spelt for words in FAULTS for spelt in (words, words.capitalize(), words.upper())),
+        *(spelt for words in FAULTS for spelt in (words, words.capitalize(), words.title(), words.upper())),
         *(sign + word for word in OVER_RANGE for sign in ("", "+", "-")),
         *(sign * count for sign in "-+*?#" for count in range(1, 13)),
         *("-" * before + "." + "-" * behind for before in range(1, 5) for behind in range(1, 5)),

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
+from itertools import chain
 from typing import Any
 from zoneinfo import ZoneInfo, available_timezones
 
@@ -31,6 +32,7 @@ from ingest.formats._csv_stamps import (
     LocalClock,
     both_formats,
     day_first,
+    either_way,
     fits,
     month_first,
     year_may_be_first,
@@ -209,13 +211,16 @@ def part_of_second(beside: Sequence[str], dialect: Dialect) -> str | None:
 
 def _is_day_first(said: list[str], columns: tuple[str, ...], dialect: Dialect) -> bool | None:
     """Whether dates begin with the day: 24/12 does wherever it stands in the table, 05/06 where its column's name says
-    so, and in a table with decimal commas or semicolons. None where nothing tells; 25/03/17 may begin with the year in
+    so, in a table with decimal commas or semicolons, and where all are the same either way (3/3). None where nothing
+    tells; 25/03/17 may begin with the year in
     any other table, 25-03-17 in any."""
     told = day_first(said)
     if told is None and (named := ORDER_IN_NAME.search(" ".join(columns))):
         told = named[1].lower() == "dd"
     if told is None:
         told = day_first(_said(dialect.rows(), columns, dialect))
+    if told is None and either_way(chain(said, _said(dialect.rows(), columns, dialect))):
+        told = True
     european = (dialect.numerals.decimal == "," or dialect.delimiter == ";") and not said[0].upper().endswith("M")
     if year_may_be_first(said) and told is not False and ("-" in said[0] or (told and not european)):
         return None

@@ -36,7 +36,7 @@ DIRECTIVES = {
     "b": MONTH, "B": rf"{MONTH}{LETTER}*", "%": "%",
 }  # fmt: skip
 HALF = rf"(?:{BLANK}?{DIRECTIVES['p']})?"
-CLOCK = rf"(?P<H>\d{{1,2}})[:.](?P<M>\d{{2}})(?:[:.](?P<S>\d{{2}})(?:[.,:](?P<f>\d{{1,9}})\d*)?)?{HALF}"
+CLOCK = rf"(?P<H>\d{{1,2}})[:.](?P<M>\d{{2}})(?:[:.](?P<S>\d{{2}})(?:[.,:;](?P<f>\d{{1,9}})\d*)?)?{HALF}"
 GAP = rf"(?:[T_-]|,?{BLANK}{{1,3}})"  # between date and time of day
 _SHORT = "mo|di|mi|do|fr|sa|so"
 _DAYS = "mon|tue|wed|thu|fri|sat|sun|die|mit|don|fre|sam|son|lun|mar|mer|gio|ven|sab|dom|jeu|dim|mié|jue|vie|sáb"
@@ -50,22 +50,24 @@ DATES = {
     DAY_FIRST: rf"{WEEKDAY}(?P<d>\d{{1,2}})[/-](?P<m>\d{{1,2}})[/-]{YEAR}",
     "day month year": rf"{WEEKDAY}(?P<d>\d{{1,2}})[-./ ]{{1,2}}{MONTH}{LETTER}*[-./ ]{{1,2}}{YEAR}",
     "month day, year": rf"{WEEKDAY}{MONTH}{LETTER}*\.? {{1,2}}(?P<d>\d{{1,2}}),? (?P<Y>\d{{4}})",
+    "year年month月day日": r"(?P<Y>\d{4})年(?P<m>\d{1,2})月(?P<d>\d{1,2})日",
     "'year-month-day": r"'(?P<y>\d{2})[-/](?P<m>\d{1,2})[-/](?P<d>\d{1,2})",
 }
 OFFSET = rf"\s?{ZONE}?"
 KNOWN = {says: rf"^{date}{GAP}{CLOCK}{OFFSET}$" for says, date in DATES.items()}
 KNOWN["month day time year"] = rf"^{WEEKDAY}{MONTH} {{1,2}}(?P<d>\d{{1,2}}) {CLOCK} (?:{ZONE} )?(?P<Y>\d{{4}})$"  # of C
-BASIC = r"(?P<Y>\d{4})(?P<m>\d{2})(?P<d>\d{2})[T _-]?(?P<H>\d{2})(?P<M>\d{2})(?P<S>\d{2})(?:[.,](?P<f>\d{1,9})\d*)?"
+BASIC = r"(?P<Y>\d{4})(?P<m>\d{2})(?P<d>\d{2})[T _-]?(?P<H>\d{2})(?P<M>\d{2})(?P<S>\d{2})(?:[.,]?(?P<f>\d{1,9})\d*)?"
 KNOWN["ISO 8601 with other signs"] = (  # as names of files and DB2 have it
     r"^(?P<Y>\d{4})[-_](?P<m>\d{2})[-_](?P<d>\d{2})[-_T ](?P<H>\d{2})[-_.h](?P<M>\d{2})[-_.m](?P<S>\d{2})"
     r"(?:[-_.](?P<f>\d{1,9})\d*|s)?$"
 )
 KNOWN["ISO 8601 without its signs"] = f"^{BASIC}{OFFSET}$"
+KNOWN["year and day of the year"] = rf"^(?P<Y>\d{{4}})[-:](?P<j>\d{{3}})[T :]{CLOCK}{OFFSET}$"  # 2026-062T09:00:00
 OF_PARTS = rf"^{YEAR} (?P<m>\d{{1,2}}) (?P<d>\d{{1,2}}) (?P<H>\d{{1,2}}) (?P<M>\d{{1,2}})" + (
     r"(?: (?P<S>\d{1,2})(?:[.,](?P<f>\d{1,9})\d*)?)?$"  # cells of several columns
 )
 # a stamp that is a number as well
-DIGITS_ALONE = r"^(?:19|20|21)\d{2}(?:0[1-9]|1[0-2])(?:0[1-9]|[12]\d|3[01])(?:[01]\d|2[0-3])(?:[0-5]\d){2}$"
+DIGITS_ALONE = r"^(?:19|20|21)\d{2}(?:0[1-9]|1[0-2])(?:0[1-9]|[12]\d|3[01])(?:[01]\d|2[0-3])(?:[0-5]\d){2}(?:\d{3})?$"
 DAYS = {says: f"^{date}$" for says, date in DATES.items()}  # known where the bench file names the column
 DATE_ALONE = "|".join(f"^{re.sub('[?]P<[A-Za-z]>', '?:', date)}$" for date in DATES.values())
 CLOCK_ALONE = f"^{CLOCK}$"
@@ -121,6 +123,11 @@ def day_first(cells: Iterable[str]) -> bool | None:
         if one <= 12 < other <= 31 or other <= 12 < one <= 31:
             return other <= 12
     return None
+
+
+def either_way(cells: Iterable[str]) -> bool:
+    """Whether dates are the same with the day first and with the month first, all of them: 3/3/2026 is."""
+    return all(int(match["d"]) == int(match["m"]) for match in filter(None, map(_DAY_FIRST.match, cells)))
 
 
 def year_may_be_first(cells: Iterable[str]) -> bool:
@@ -242,7 +249,8 @@ def _wall_ns(fields: dict[str, pa.Array], count: int) -> tuple[Ints, Flags]:
         short = number("y", -1)
         year = np.where(short < 0, year, short + np.where(short < 69, 2000, 1900))
     month = _month(fields["b"]) if "b" in fields else number("m", 1)
-    day, hour, minute, second = number("d", 1), number("H", 0), number("M", 0), number("S", 0)
+    day = number("j", 1) if "j" in fields else number("d", 1)
+    hour, minute, second = number("H", 0), number("M", 0), number("S", 0)
     if "I" in fields:
         hour = number("I", 0) % 12
     if "p" in fields:
@@ -250,9 +258,10 @@ def _wall_ns(fields: dict[str, pa.Array], count: int) -> tuple[Ints, Flags]:
     possible = (year >= YEARS[0]) & (year <= YEARS[1]) & (month >= 1) & (month <= 12) & (day >= 1)
     months = np.where(possible, (year - 1970) * 12 + month - 1, 0).astype("M8[M]")
     days = months.astype("M8[D]") + (np.where(possible, day, 1) - 1).astype("m8[D]")
+    whole = "M8[Y]" if "j" in fields else "M8[M]"  # what a day may not be beyond
     clock = (hour * 3600 + minute * 60 + second) * SECOND_NS + _fraction_ns(fields.get("f"), count)
     within = (clock <= DAY_NS) & (minute < 60) & (second < 60)  # 24:00:00 is the end of a day
-    right = possible & (days.astype("M8[M]") == months) & within
+    right = possible & (days.astype(whole) == months.astype(whole)) & within
     return days.astype(np.int64) * DAY_NS + clock, right
 
 

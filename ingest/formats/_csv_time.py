@@ -85,6 +85,7 @@ TICKS = {  # of 100 ns, in words -> what they count from, and the ticks of 2000 
     "100 ns since 1601 in UTC": (116_444_736_000_000_000, 1.26e17, 1.575e17),  # Windows
 }
 WITHIN_DAY: Mapping[str, type[OfDay]] = {"%H:%M": OfMinutes, "%M:%S": OfHour}  # formats without a date
+FAR_APART = 100.0  # seconds from row to row: a tenth of a second in ms
 LOOSE_NS = 2_000_000_000  # stamps of whole seconds and what counts beside them: apart by this at most
 
 
@@ -307,7 +308,15 @@ def _by_content(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
         return serial
     says, start, unit_ns = f"{candidates[0]} from the start", time.start_ns, UNITS_NS[candidates[0]]
     clock = Counted(says=says, absolute=start is not None, columns=(column,), unit_ns=unit_ns, origin_ns=start or 0)
-    return _with_part_counted(clock, dialect)
+    apart = _far_apart(dialect.numbers(column)) if known is None else 0.0
+    return _with_part_counted(replace(clock, apart=apart), dialect)
+
+
+def _far_apart(seconds: Sequence[float]) -> float:
+    """What whole numbers go on by from row to row, where that is much for seconds, and no minutes; else 0."""
+    step = median(np.abs(np.diff(seconds))) if len(seconds) > 1 else 0.0
+    whole = all(one == int(one) for one in seconds)
+    return float(step) if whole and step >= FAR_APART and step % 60 else 0.0
 
 
 def _with_part_counted(clock: Counted, dialect: Dialect) -> Counted:

@@ -78,7 +78,9 @@ NO_LOGS: Mapping[bytes, str] = {
     rb"[^\s,=]{1,99}(?:,[^\s=]+=\S+)? \w+=\S+ \d{16,19}\r?\n": (
         "line protocol of InfluxDB. Export it as CSV (influx query --raw)"
     ),
-    rb"ULog\x01\x12\x35": "a ULog of PX4. Export it as CSV with ulog2csv",
+    rb"ULog\x01\x12\x35": (
+        'a ULog of PX4. Export it as CSV with ulog2csv, and say unit = "us" under [time] of the bench file'
+    ),
     rb"ORC[^ -~\t\r\n]": "an ORC file. Export it as Parquet (pandas: read_orc(...).to_parquet)",
     rb"Obj\x01": "an Avro file. Export it as Parquet (duckdb: COPY (FROM read_avro('log.avro')) TO 'log.parquet')",
     rb".{8}DUCK": "a database of DuckDB. Export a table of it (COPY t TO 'log.parquet')",

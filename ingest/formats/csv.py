@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import SERIES, SHOWN, Log, Rejected, Rows
-from ingest.formats._csv_begun import begun, says_start
+from ingest.formats._csv_begun import begun, in_doubt, says_start
 from ingest.formats._csv_clocks import Clock
 from ingest.formats._csv_dialect import (
     BLANKS,
@@ -40,7 +40,7 @@ from ingest.formats._csv_dialect import (
     no_table_of,
     recognise_dialect,
 )
-from ingest.formats._csv_labels import labels_aside
+from ingest.formats._csv_labels import labels_aside, remarks_aside
 from ingest.formats._csv_lines import LineReader, Lines
 from ingest.formats._csv_no_rows import is_row, no_rows
 from ingest.formats._csv_numbers import MISSING, OTHER, Numerals, is_missing
@@ -51,8 +51,9 @@ from ingest.formats._csv_time import recognise_clock
 from ingest.formats._long_tables import LongTable, recognise_long
 from ingest.formats._text import TextFile, decoded, place_of
 
-NUMBER_AND_UNIT = re.compile(  # or a sign behind it: 1.5-, 20 ± 0.5
+NUMBER_AND_UNIT = re.compile(  # or a sign behind it: 1.5-, 20 ± 0.5; or (1.5), 0x1F, and 1.5D+01 of Fortran
     r"[+-]?\d[\d.,]* ?[^\W\d]{1,4}|[+-]?\d[\d.,]* [^\s\d]{1,6}|[+-]?\d[\d.,]*(?:[-*°%]| ?± ?[\d.,]+)"
+    r"|\(\d[\d.,]*\)|0[xX][0-9a-fA-F]+|[+-]?\d[\d.,]*[dD][+-]?\d+"
 )
 LATE_DECIMAL = rb"[+-]?(?:\d+,(?:\d{1,2}|\d{4,})|0,\d+|\d+,\d+[eE][+-]?\d+)"
 NUMBER_BEGINS = frozenset("0123456789+-.")
@@ -173,8 +174,12 @@ class CsvLog(Log):
 
     def _dated(self, clock: Clock, dialect: Dialect) -> Clock:
         """The clock, from the start that a line above the table says, where nothing else dates it."""
-        start = None if clock.absolute or self.time.untimed else begun(self.time, clock, dialect)
+        if clock.absolute or self.time.untimed:
+            return clock
+        start = begun(self.time, clock, dialect)
         if start is None:
+            if said := in_doubt(dialect):
+                self.settings["date_not_understood"] = said[:SHOWN]
             return clock
         self.settings["begun"] = start.line[:SHOWN]
         self.time = replace(self.time, start_ns=start.start_ns)
@@ -436,7 +441,7 @@ def no_table(path: Path) -> str | None:
 
 def _with_header(lines: list[str]) -> list[str]:
     """The first lines of a file with a header in one line."""
-    return labels_aside(header_in_one_line(lines))
+    return remarks_aside(labels_aside(header_in_one_line(lines)))
 
 
 def _before_a_header(lines: Sequence[str], begin: int) -> int:

@@ -45,7 +45,7 @@ class FoundSignal:
 class InspectedFile:
     """One file. `reading` None where nothing can be read, `why` then says it; `ranges`: column -> (least, greatest);
     `stamps`: what is wrong with them, a line each; `days`: the column whose days are its times, which no bench file
-    says."""
+    says; `texts`: the columns that hold text."""
 
     path: Path
     reading: LogReading | None
@@ -54,18 +54,21 @@ class InspectedFile:
     ranges: dict[str, tuple[float, float]]
     stamps: tuple[str, ...] = ()
     days: str | None = None
+    texts: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
 class Inspection:
     """Everything seen. `unknown_ids`: "can1:0x123" -> frames that no database explains; `at_once`: the signals of each
-    log and of those that run at the same time; `notes`: what the databases say that is not read, or twice."""
+    log and of those that run at the same time; `notes`: what the databases say that is not read, or twice; `texts`: the
+    columns that hold text, in all tables that have them."""
 
     files: tuple[InspectedFile, ...]
     signals: tuple[FoundSignal, ...]
     unknown_ids: dict[str, int]
     at_once: tuple[frozenset[Signal], ...] = ()
     notes: tuple[str, ...] = ()
+    texts: frozenset[str] = frozenset()
 
     @property
     def there(self) -> list[FoundSignal]:
@@ -89,16 +92,17 @@ def inspect(files: Sequence[Path], databases: Sequence[Path], bench: Path | None
     ranges: dict[str, tuple[float, float]] = {}
     for one in looked:
         _widen(ranges, one.ranges)
+    texts = frozenset().union(*(one.texts for one in looked)) - ranges.keys()
     seen = tuple(
         FoundSignal(
             signal,
-            guess(signal.name, signal.unit),
+            None if not signal.message and signal.name in texts else guess(signal.name, signal.unit),
             *(ranges.get(signal.name, (None, None)) if not signal.message else (None, None)),
         )
         for signal in _signals(loaded, readings, said)
     )
     at_once = _at_once(loaded, readings, said)
-    return Inspection(looked, seen, _unknown(loaded, readings), at_once, _notes(loaded, readings, said))
+    return Inspection(looked, seen, _unknown(loaded, readings), at_once, _notes(loaded, readings, said), texts)
 
 
 def _signals(databases: Sequence[Database], readings: Sequence[LogReading], said: Setup | None) -> list[Signal]:
@@ -139,6 +143,7 @@ def draft(found: Inspection) -> str:
     settings: dict[str, Any] = {
         "labels": labels([name for name in tables[0] if all(name in one for one in tables)] if tables else ())
     }
+    settings["texts"] = found.texts
     settings["loggers"] = loggers(
         {kept_name(one.path): one.reading.columns for one in found.files if one.reading and one.reading.holds == "rows"}
     )
@@ -172,7 +177,7 @@ def _look(reader: Reader, path: Path, folder: Path, said: Setup | None) -> Inspe
     flags = clock.findings(path.name, parts.within(faults).counted(), reading.absolute)
     flags += specimens.findings(path.name, parts.unsaid())
     said_of = tuple(flag.says.removeprefix(f"{path.name}: ") for flag in flags)
-    return InspectedFile(path, reading, None, note, spans, said_of, days)
+    return InspectedFile(path, reading, None, note, spans, said_of, days, frozenset(held - spans.keys()))
 
 
 def _untimed(reader: Reader, path: Path, recording: Path) -> tuple[LogReading, str | None]:

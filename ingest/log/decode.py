@@ -36,7 +36,7 @@ from ingest.log.samples import GroupWriter, Samples
 from ingest.log.specimens import Specimens
 from ingest.log.transport import Unpacked
 
-DECODER = "whyhot-decoder/17"
+DECODER = "whyhot-decoder/18"
 RECORDING = "recording.mcap"
 WAITING_VALUES = 16_000_000  # of all groups that wait for their row group: 128 MB
 WRITERS = 2  # threads that write or hash the files of the groups, each file by one of them at a time

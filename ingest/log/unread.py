@@ -9,15 +9,15 @@ from ingest.facts.events import QualityFlagged
 from ingest.texts.names import first_of
 
 SHEETS, TEXTS, BOUNDS = "sheets_unread", "numbers_as_text", "bounds_missing"
-TIMES, DATE = "time_either", "date_unread"
+TIMES, UNIT, DATE = "time_either", "time_unit_unsaid", "date_unread"
 MESSAGES, CHANNELS, LAWS, SCALES = "databases_differ", "channels_unread", "unconverted", "unscaled"
 SHOWN = 5  # channels
 
 
 def findings(name: str, settings: Mapping[str, Any]) -> list[QualityFlagged]:
     """A flag of the file `name` for each: further sheets of a workbook, columns whose cells say more than a number, or
-    one that may be two, cells that say but a bound, times that may be others, a date that is none, frames of which
-    databases differ, channels beside frames, and those whose conversion or scaling is not read."""
+    one that may be two, cells that say but a bound, times that may be others or of another unit, a date that is none,
+    frames of which databases differ, channels beside frames, and those whose conversion or scaling is not read."""
     told = {}
     if others := settings.get("other_sheets"):
         told[SHEETS] = f"sheet {settings['sheet']} was read, and not {', '.join(others)} ([time] sheet tells another)"
@@ -32,6 +32,11 @@ def findings(name: str, settings: Mapping[str, Any]) -> list[QualityFlagged]:
         told[TIMES] = (
             f'"{cell}" in {settings["time_column"]} is read as hours and minutes; if it is minutes and seconds, say '
             'format = "%M:%S" under [time] of the bench file'
+        )
+    if apart := settings.get(UNIT):
+        told[UNIT] = (
+            f"its times say no unit, go on by {apart:,.0f} from row to row, and are read as seconds; if they are none, "
+            'say unit = "ms" or unit = "us" under [time] of the bench file'
         )
     if date := settings.get("date_not_understood"):
         told[DATE] = f'its date "{date}" is not understood, and not used: say start under [time] of the bench file'

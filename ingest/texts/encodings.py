@@ -10,13 +10,16 @@ UNMARKED = {rb"(?:[\t\r\n -~]\0){4}": "utf-16-le", rb"(?:\0[\t\r\n -~]){4}": "ut
 # Japanese, simplified and traditional Chinese, Korean and Cyrillic as loggers there write them, and what they are told
 # from.
 WRITTEN_IN = ("cp932", "gb18030", "big5", "cp949", "cp1251", "cp1252")
+IN_UTF_8 = re.compile(rb"[\xc2-\xdf][\x80-\xbf]")  # a letter of two bytes
 FOREIGN = re.compile(rb"[\x80-\xff]{3,}")  # which no word of a western language has: `größe` has two
+OF_DOS = re.compile(rb"[A-Za-z][\x81\x82\x84\x94][a-z]")  # ü, é, ä, ö of code page 850; signs in Windows-1252
 LOOKED_AT = 200  # lines with other letters than ASCII
 
 
 def encoding_of(text: bytes) -> str | None:
-    """The encoding of a text by its first bytes, as Python calls it: UTF-16, or one of East Asia or of Cyrillic, which
-    the frequencies of their letters tell (charset-normalizer). None for any other."""
+    """The encoding of a text by its first bytes, as Python calls it: UTF-16; one of East Asia or of Cyrillic, which the
+    frequencies of their letters tell (charset-normalizer); or that of DOS in Western Europe, by umlauts within words.
+    None for any other."""
     if text.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
     if wide := next((encoding for letters, encoding in UNMARKED.items() if re.match(letters, text)), None):
@@ -26,7 +29,7 @@ def encoding_of(text: bytes) -> str | None:
         return None
     words = FOREIGN.findall(whole)
     if 2 * sum(map(_is_utf_8, words)) >= len(words):  # damaged, or with western lines in it
-        return None
+        return "cp850" if OF_DOS.search(whole) and not (words or IN_UTF_8.search(whole)) else None
     from charset_normalizer import from_bytes
 
     lines = islice((line for line in whole.split(b"\n") if not line.isascii()), LOOKED_AT)

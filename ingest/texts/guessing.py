@@ -58,6 +58,9 @@ _PLACES = (  # of thermocouples whose column says no more than where they sit; "
     "|_carter_|_dents?_|encoche|refroid|_eau_|_huile_|_horno_|bobinado|devanado|_im[aá]n|rodamiento|cojinete|carcasa|_agua_"
 )
 PER_UNIT = r"^[^/]+/\s?[^/\s]+$"  # `T_EW/°C` and `n / min^-1`, as DIN 1313 writes quantities in tables
+_UNIT_BEHIND = re.compile(
+    r"(?: in|,) ([^\s(),]{2,})(?: *\([^()]*\))?$"
+)  # T in °C; T, °C (SEN S/N: 7), as HOBO writes it
 _LOOSELY_SPELT = ("nm", "degc", "degf")  # units at the end of names, in lower case
 # of two temperatures: 5 K of it are no -268 degC
 _DIFFERENCE = (
@@ -72,6 +75,7 @@ _LABELS: Mapping[str, str] = {  # what tells parts or batches apart -> how its c
     "|(num[ée]ro|_n)_(de_)?s[ée]rie|[ée]prouvette|[ée]chantillon|probeta",
     "batch": "_batch_|_lot_|_lotto_|_lote_|_los_|_charge_?(id|no|nr|nummer)?_",
 }
+_OF_SENSOR = re.compile(r"\([^()]*\d[^()]*\)")  # (SEN S/N: 20451), not (S/N)
 _DAYS = "_(date|datum|day|tag|data|fecha|jour)_"
 _COMMAND = "_(ref|cmd|command|set|setpoint|req|request|demand|target|desired)_|soll"
 
@@ -100,7 +104,8 @@ def guess(signal: str, unit: str | None = None) -> str | None:
 
 def labels(columns: Sequence[str]) -> dict[str, str]:
     """ "specimen", "batch" -> the first of the columns of a table whose name says that it tells those apart."""
-    called = {what: [one for one in columns if re.search(looks, words(one))] for what, looks in _LABELS.items()}
+    bare = {one: words(_OF_SENSOR.sub("", one)) for one in columns}
+    called = {what: [one for one in columns if re.search(looks, bare[one])] for what, looks in _LABELS.items()}
     return {what: some[0] for what, some in called.items() if some}
 
 
@@ -110,9 +115,12 @@ def says_days(column: str) -> bool:
 
 
 def unit_in_name(signal: str) -> str | None:
-    """The unit that a name ends in, where it speaks for a quantity: "degC" of `EW_3_degC` and `T (°C)`, "A" of
-    `current_A`; of `1 [°C] Winding` that in brackets, of `M/Nm` that below the line. None for `winding_A`, where a
-    letter is more likely one of several places or phases."""
+    """The unit that a name ends in, where it speaks for a quantity: "degC" of `EW_3_degC`, `T (°C)`, `T in °C` and
+    `T, °C (SEN S/N: 7)`, "A" of `current_A`; of `1 [°C] Winding` that in brackets, of `M/Nm` that below the line. None
+    for `winding_A`, where a letter is more likely one of several places or phases."""
+    behind = _UNIT_BEHIND.search(signal)
+    if behind and normal_unit(behind[1]) in _BY_UNIT:
+        return behind[1]
     inner = re.search(r"\(([^()]+)\)\s*$", signal)
     if inner:
         return inner[1] if normal_unit(inner[1]) in _BY_UNIT else None

@@ -18,7 +18,8 @@ _UNITS: Mapping[str, tuple[str, str]] = {
         "degC",
         (
             "°C|deg C|deg_C|deg. C|degree C|degrees C|C|Grad C|GradC|Grad Celsius|Celsius|degree_Celsius|"
-            "degrees Celsius|Cel|Â°C|\ufffdC|ï¿½C|?C"  # the latter as programs write it that lost the sign
+            "degrees Celsius|Cel|ßC|øC|¡C|"  # with the sign of a display, of DOS and of an old Mac
+            "Â°C|\ufffdC|ï¿½C|?C"  # as programs write it that lost the sign
         ),
     ),
     "K": ("K", "kelvin|degK|deg K|°K"),

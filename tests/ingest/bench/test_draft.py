@@ -146,6 +146,7 @@ def test_a_name_of_a_log_cannot_leave_its_comment() -> None:
         ("Temperatur Wicklung", "winding"),
         ("Palier AR", "bearing_ar"),
         ("Imán", "magnet"),
+        ("101 <Wicklung> (C)", "winding_101"),
     ],
 )
 def test_a_drafted_node_keeps_umlauts_and_knows_what_places_are_called(name: str, node: str) -> None:

@@ -163,7 +163,7 @@ def test_lines_that_a_logger_writes_above_the_header_are_found_and_kept(tmp_path
     )
     rows = [row.format(k) for k in range(3)] * (200 if len(lines) > 100 else 1)
     log, t_ns, columns = read(table(tmp_path, above + "".join(rows)))
-    first, second = lines[place].replace(",", ";").split(";")[-2:]
+    first, second = lines[place].replace(",", ";").replace("CH1", "Wicklung").split(";")[-2:]
     assert t_ns[:3] == [DECEMBER_NS + k * S_NS for k in range(3)] and len(t_ns) == len(rows)
     assert (columns[first][:3], columns[second][:3]) == ([20.5] * 3, [80.5] * 3)
     assert log.settings["header_line"] == place + 1
@@ -188,7 +188,34 @@ def test_a_line_of_rates_below_the_units_is_no_header(tmp_path: Path) -> None:
     log, t_ns, columns = read(table(tmp_path, head + "log;0,0;20,5;1\nlog;0,1;20,6;2\n"))
     assert (t_ns, columns["T"], columns["n"]) == ([0, S_NS // 10], [20.5, 20.6], [1, 2])
     assert (log.units["T"], log.units["n"]) == ("degC", "1/min")
-    assert [one.where for one in log.rejected] == ["line 3, column T"]
+    assert (log.found, list(log.rejected)) == (2, [])
+
+
+@pytest.mark.parametrize("types", ["datetime;Double;Float\n", "REAL;REAL;DINT\n", '"float64";"float64";"int32"\r\n'])
+@pytest.mark.parametrize("head", ["t;T;n\n{0}s;degC;rpm\n", "t;T;n\ns;degC;rpm\n{0}", "{0}t;T;n\ns;degC;rpm\n"])
+def test_a_line_of_types_is_neither_names_nor_a_row(tmp_path: Path, head: str, types: str) -> None:
+    log, t_ns, columns = read(table(tmp_path, head.format(types) + "0;20,5;1\n1;21,5;2\n"))
+    assert (t_ns, columns) == ([0, S_NS], {"T": [20.5, 21.5], "n": [1, 2]})
+    assert (log.units["T"], log.found, list(log.rejected)) == ("degC", 2, [])
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        'Name,Time,T,n\nUnit,s,degC,rpm\nDescription,since start,winding U,"speed, actual"\n',
+        "Name,Time,T,n\nComment,,,at the shaft\nUnit,s,degC,rpm\n",
+    ],
+)
+def test_a_line_of_descriptions_beside_the_units_is_neither_names_nor_a_row(tmp_path: Path, head: str) -> None:
+    log, t_ns, columns = read(table(tmp_path, head + ",0,20.5,1\n,1,21.5,2\n"))
+    assert (t_ns, columns["T"], columns["n"]) == ([0, S_NS], [20.5, 21.5], [1, 2])
+    assert (log.units["T"], log.found, list(log.rejected)) == ("degC", 2, [])
+
+
+def test_names_and_units_without_a_row_are_said_to_be_such(tmp_path: Path) -> None:
+    with pytest.raises(UnreadableLogError, match="holds names and units and no row below them"):
+        read(table(tmp_path, "Time,T,n\ns,degC,1/min\n"))
+    assert read(table(tmp_path, "Time,T,n\n1,1,1\n"))[2] == {"T": [1], "n": [1]}
 
 
 def test_a_table_without_lines_above_says_nothing_of_them(tmp_path: Path) -> None:
@@ -528,8 +555,8 @@ def test_cells_that_do_not_end_in_units_of_one_kind_stay_texts(tmp_path: Path, c
     assert columns["x"] == [*cells]
 
 
-@pytest.mark.parametrize("cell", ["1.5-", "20 ± 0.5", "20±0.5"])
-def test_numbers_with_signs_behind_them_are_texts_that_are_named(tmp_path: Path, cell: str) -> None:
+@pytest.mark.parametrize("cell", ["1.5-", "20 ± 0.5", "20±0.5", "(1.5)", "0x1F", "2.05D+01"])
+def test_numbers_with_other_signs_are_texts_that_are_named(tmp_path: Path, cell: str) -> None:
     log, _, columns = read(table(tmp_path, f"time,T,n\n0,{cell},1\n1,{cell},2\n"))
     assert (columns["T"], log.settings["numbers_with_units"]) == ([cell, cell], {"T": cell})
 
@@ -573,6 +600,10 @@ def test_numbers_that_may_have_thousands_are_texts_that_are_named(tmp_path: Path
         "Open circuit",
         "OTC",
         "no data",
+        "No Data",
+        "I/O Timeout",
+        "Pt Created",
+        "Open TC",
         "Fühlerbruch",
         "FÜHLERBRUCH",
         "Fuori scala",

@@ -65,6 +65,14 @@ def test_a_start_that_may_be_another_dates_nothing(tmp_path: Path, above: str, r
     assert not log.absolute and "begun" not in log.settings
 
 
+def test_a_start_whose_day_may_be_its_month_is_said_not_to_be_used(tmp_path: Path) -> None:
+    log, t_ns, _ = read(table(tmp_path, "Start time: 4/3/2025 08:00:00\nTime (s),T\n0,20\n1,21\n"))
+    assert (t_ns, log.absolute) == ([0, S_NS], False)
+    assert log.settings["date_not_understood"] == "4/3/2025 08:00:00"
+    log, _, _ = read(table(tmp_path, "Start time: 3/3/2025 08:00:00\nTime (s),T\n0,20\n1,21\n"))
+    assert log.absolute and "date_not_understood" not in log.settings
+
+
 @pytest.mark.parametrize(
     ("head", "row"),
     [("t [s],T", "{0},20"), ("Sample rate: 1 Hz\nT,n", "20,{0}"), ("Time,T", "0{1}:00:0{0},20")],

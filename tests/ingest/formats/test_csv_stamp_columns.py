@@ -81,6 +81,7 @@ def test_a_zone_in_the_name_of_a_column_is_that_of_its_stamps(tmp_path: Path, na
     [
         *("2025-12-24-08.00.00.000000", "2025-12-24 08-00-00", "2025_12_24_08_00_00", "2025-12-24_08:00:00"),
         *("24.12.2025-08:00:00", "24.12.2025_08:00:00,000", "2025/12/24-08:00:00", "2025-12-24T08-00-00.000"),
+        *("2025年12月24日 8:00:00", "2025-358T08:00:00Z", "2025:358:08:00:00.000", "24.12.2025 08:00:00;000"),
     ],
 )
 def test_other_signs_between_date_and_time_are_known(tmp_path: Path, stamp: str) -> None:
@@ -111,6 +112,13 @@ def test_a_day_of_the_week_does_not_tell_day_from_month(tmp_path: Path, order: s
     assert read(path, TimeSpec(format=form))[1] == [utc_ns(begin)]
 
 
+def test_a_day_of_the_year_ends_with_it(tmp_path: Path) -> None:
+    rows = "2024-366T08:00:00,1\n2025-001T08:00:00,2\n2025-366T08:00:00,3\n2025-000T08:00:00,4\n"
+    log, t_ns, _ = read(table(tmp_path, f"Time,T\n{rows}"))
+    assert [str(day)[:10] for day in np.array(t_ns, "M8[ns]")] == ["2024-12-31", "2025-01-01"]
+    assert [one.record for one in log.rejected] == [2, 3]
+
+
 def test_24_00_is_the_end_of_a_day_and_no_later(tmp_path: Path) -> None:
     rows = "23.12.2025;24:00:00;1\n24.12.2025;08:00:00;2\n24.12.2025;24:00:01;3\n24.12.2025;25:00:00;4\n"
     log, t_ns, _ = read(table(tmp_path, f"Datum;Zeit;T\n{rows}"))
@@ -128,7 +136,7 @@ def test_milliseconds_in_a_column_of_their_own_belong_to_the_stamp(tmp_path: Pat
 
 
 def test_a_stamp_without_signs_is_a_date_and_no_number(tmp_path: Path) -> None:
-    for stamp in ("20251224080000", "20251224T080000Z", "20251224_080000"):
+    for stamp in ("20251224080000", "20251224T080000Z", "20251224_080000", "20251224080000000"):
         log, t_ns, _ = read(table(tmp_path, f"Time,T\n{stamp},20\n"))
         assert (t_ns, log.absolute) == ([DECEMBER_NS], True)
 
@@ -305,6 +313,16 @@ def test_a_day_above_12_anywhere_tells_the_order_of_dates(
     log, t_ns, _ = read(path)
     assert (str(np.array(t_ns, "M8[ns]")[0])[:10], log.found, list(log.rejected)) == (day, rows + 1, [])
     assert log.settings["time"] == ("day/month/year in UTC" if day == "2025-06-05" else "month/day/year in UTC")
+
+
+@pytest.mark.parametrize("rows", [1, 500])
+def test_a_date_that_is_the_same_either_way_is_asked_nothing(tmp_path: Path, rows: int) -> None:
+    text = "Time,T\n" + "3/3/2025 08:00:00,1\n" * rows
+    t_ns = read(table(tmp_path, text))[1]
+    assert (str(np.array(t_ns, "M8[ns]")[0])[:10], len(t_ns)) == ("2025-03-03", rows)
+    for other in (text + "3/4/2025 08:00:00,1\n", "Time,T\n3/3/25 08:00:00,1\n"):  # which may be of 2003 as well
+        with pytest.raises(UnreadableLogError, match="may begin with the day or with the"):
+            read(table(tmp_path, other))
 
 
 def test_a_date_with_slashes_begins_with_the_day_in_a_european_table(tmp_path: Path) -> None:

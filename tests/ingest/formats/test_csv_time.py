@@ -9,6 +9,7 @@ import pytest
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import TimeSpec, utc_ns
+from ingest.log import unread
 from made.tables import DECEMBER_NS, MARCH_NS, S_NS, read, table
 
 
@@ -281,6 +282,29 @@ def test_times_that_may_be_both_are_told_by_a_late_one_anywhere_or_said(
     log, t_ns, _ = read(table(tmp_path, "Zeit,T\n" + "".join(f"{cell},1\n" for cell in cells)))
     assert (log.settings["time"], log.settings.get("time_either")) == (says, either)
     assert t_ns[1] - t_ns[0] == (S_NS if either is None else 60 * S_NS)
+
+
+@pytest.mark.parametrize(
+    ("head", "step", "said"),
+    [
+        ("timestamp", 1_000_000, True),  # of PX4, in us
+        ("time", 100, True),
+        ("time", 3600, False),
+        ("time", 99, False),
+        ("time", 100.5, False),
+        ("time_s", 1000, False),
+    ],
+)
+def test_whole_numbers_without_a_unit_that_go_on_by_much_are_said_to_be_read_as_seconds(
+    tmp_path: Path, head: str, step: float, said: bool
+) -> None:
+    path = table(tmp_path, f"{head},T\n" + "".join(f"{7 + k * step},20\n" for k in range(3)))
+    log, t_ns, _ = read(path)
+    assert t_ns[1] - t_ns[0] == step * S_NS
+    says = [one.says for one in unread.findings("log.csv", log.settings)]
+    start = f"log.csv: its times say no unit, go on by {step:,.0f} from row to row, and are read as seconds"
+    assert [one[: len(start)] for one in says] == [start] * said
+    assert unread.findings("log.csv", read(path, TimeSpec(unit="us"))[0].settings) == []
 
 
 @pytest.mark.parametrize(("name", "unit_ns"), [("millis", 1_000_000), ("timestamp_us", 1000)])

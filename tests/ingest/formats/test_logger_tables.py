@@ -106,6 +106,10 @@ LOGGED = {
         units=("C", "Hz"),
     ),
     "Keysight BenchLink": Logged(KEYSIGHT, names=("101 <T> (C)", "102 <n> (Hz)")),
+    "Keysight BenchLink with a date in its name": Logged(
+        KEYSIGHT.replace("Name:,Bench\n", "Name:,Data 1 3/14/2025 8:00:00 AM\n"),
+        names=("101 <T> (C)", "102 <n> (Hz)"),
+    ),
     "Keysight BenchLink in UTF-16": Logged(KEYSIGHT, names=("101 <T> (C)", "102 <n> (Hz)"), encoding="utf-16"),
     "Keithley": Logged(
         "Reading Set,1\nScan,Time Stamp,T,n\n1,03/14/2025 08:00:00 AM,20.0,5\n2,03/14/2025 08:00:01 AM,21.0,6\n"
@@ -135,6 +139,7 @@ LOGGED = {
         "Vendor;GRAPHTEC Corporation\nAMP settings\nCH;Signal name;Range;Span;;Unit;Color\nT;T_w;50V;25;-25;degC;5\n"
         "n;speed;50V;10;-10;rpm;3\nData\nNumber;Date;Time;us;T;n;Alarm\n1;14/03/2025;08:00:00;0;+20,0;+5;LLLL\n"
         "2;14/03/2025;08:00:00;100000;+21,0;+6;LLLL\n3;14/03/2025;08:00:00;200000;+++++++;+7;LLLL\n",
+        names=("T_w", "speed"),
         units=("degC", "rpm"),
         step_ns=TENTH,
     ),
@@ -149,6 +154,17 @@ LOGGED = {
         units=("degC", "rpm"),
         begins_ns=0,
         step_ns=TENTH,
+    ),
+    "TOA5 of Campbell": Logged(
+        '"TOA5","bench","CR1000X","7","CR1000X.Std.05","CPU:a.CR1X","5","T1"\n"TIMESTAMP","RECORD","T","n"\n'
+        '"TS","RN","Deg C","rpm"\n"","","Avg","Smp"\n"2025-03-14 08:00:00",0,20,5\n"2025-03-14 08:00:01",1,21,6\n'
+        '"2025-03-14 08:00:02",2,"NAN",7\n',
+        units=("Deg C", "rpm"),
+    ),
+    "a trend of Rockwell": Logged(
+        "Controller Name:,L81E\nTrend Name:,Run 3\nTrend Tags:,2\nSample Period:,1000,ms\n"
+        "Header:,Date,Time,T,n\nData:,3/14/2025,8:00:00;000,20,5\nData:,3/14/2025,8:00:01;000,21,6\n"
+        "Data:,3/14/2025,8:00:02;000,,7\n"
     ),
     "X in seconds": Logged("X;T;n\ns;°C;1/min\n0;20;5\n1;21;6\n2;;7\n", units=("°C", "1/min"), begins_ns=0),
     "a sign of a comment before the names": Logged(
@@ -225,6 +241,15 @@ LOGGED = {
         "Date,Time,T,n\n03/14/2025,08:00:00 AM,20,5\n\n03/14/2025,08:00:01 AM,21,6\n\n\n03/14/2025,08:00:02 AM,,7\n"
     ),
 }
+
+
+def test_an_input_of_graphtec_is_called_by_its_name_where_that_is_its_own(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    head = "AMP settings\nCH,Signal name,Input,Range\nCH1,{},TEMP,TC_K\nCH2,{},DC,10V\nData\nNumber,Time,CH1,CH2\n"
+    rows = "1,0,20,5\n2,1,21,6\n"
+    for names, called in ((("W1", "W2"), ["W1", "W2"]), (("W", "W"), ["CH1", "CH2"]), (("", "Time"), ["CH1", "CH2"])):
+        path.write_text(head.format(*names) + rows)
+        assert [*read(path)[2]] == ["Number", *called]
 
 
 def test_a_date_that_stands_where_it_changes_is_carried_over_midnight(tmp_path: Path) -> None:

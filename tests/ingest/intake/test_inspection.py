@@ -81,6 +81,16 @@ def test_a_draft_knows_which_loggers_run_at_once(tmp_path: Path, start_s: int, r
     assert ("keep one" in text) == rivals
 
 
+def test_a_column_of_text_is_drafted_as_no_quantity(tmp_path: Path) -> None:
+    """Unless another log has numbers there: then that one is told as it is ingested."""
+    (text := tmp_path / "a.csv").write_text("t,T_wdg,speed\n0,20,1.2 K rpm\n1,21,900 rpm off\n")
+    found = inspect([text], [], None)
+    assert {one.signal.name: one.quantity for one in found.signals} == {"T_wdg": "temperature", "speed": None}
+    assert 'signal = "speed"' not in draft(found) and "#   speed" in draft(found)
+    (numbers := tmp_path / "b.csv").write_text("t,T_wdg,speed\n0,20,1200\n1,21,900\n")
+    assert 'signal = "speed"' in draft(inspect([text, numbers], [], None))
+
+
 def test_dates_of_either_order_are_asked_for_in_words_and_in_the_draft(tmp_path: Path) -> None:
     path = tmp_path / "us.csv"
     path.write_text("Time,T_w\n5/6/2025 1:00 PM,20\n5/6/2025 1:01 PM,21\n", encoding="utf-8")
@@ -123,6 +133,16 @@ def test_numbers_of_rows_are_no_specimens(tmp_path: Path) -> None:
     path.write_text("time,serial,T\n0,1,20\n1,2,21\n1,3,21\n", encoding="utf-8")
     (file,) = inspect([path], [], None).files
     assert file.stamps == ("1 record with the stamp of another one and other values",)
+
+
+def test_the_number_of_a_sensor_in_its_name_is_no_specimen_and_its_unit_stands_before(tmp_path: Path) -> None:
+    """As HOBO loggers write it."""
+    names = '"#","Date Time, GMT+01:00","Temp, °F (LGR S/N: 10, SEN S/N: 20451)"\n'
+    (path := tmp_path / "a.csv").write_text(names + "1,03/14/2025 09:00:00,68\n2,03/14/2025 09:00:01,69\n")
+    found = inspect([path], [], None)
+    bench = read_bench(draft(found).encode(), "draft.toml")
+    assert (bench.specimen_column, found.files[0].stamps) == (None, ())
+    assert [(one.unit, one.node) for one in bench.channels] == [("°F", "temp")]
 
 
 def test_only_columns_that_all_logs_have_are_drafted_as_those_of_specimens(tmp_path: Path) -> None:

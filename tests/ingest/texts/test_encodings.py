@@ -7,6 +7,7 @@ import pytest
 from ingest.formats import recognise
 from ingest.formats._text import place_of
 from ingest.texts.encodings import encoding_of
+from made.tables import read
 
 HEADS = {
     "cp932": ("時間[s],コイル温度[℃],回転数[rpm],冷却水温度[℃]", "Time,巻線,Speed,水温", "日時,CH1 巻線U相,CH2 外気温"),
@@ -39,6 +40,19 @@ def test_western_letters_and_utf_8_need_none(head: str) -> None:
     assert encoding_of("→ 温度,回転数\n".encode() + "Tür zu\n".encode("cp1252")) is None, (
         "UTF-8 with a line that is not"
     )
+
+
+def test_umlauts_within_words_tell_the_encoding_of_dos(tmp_path: Path) -> None:
+    for head in ("Zeit;T_Rücken [°C];Drehzahl", "t,Wälzlager,Öl", "t,Température", "t;Gehör"):
+        assert encoding_of((head + ROWS).encode("cp850")) == "cp850"
+    for head in ("t;„Länge”;T", "t,T [°C]"):
+        assert encoding_of((head + ROWS).encode("cp1252")) is None
+    damaged = "t;Rücken\n".encode() + b"0;ein\x84s\n"
+    assert encoding_of(damaged) is None
+    path = tmp_path / "log.csv"
+    path.write_bytes((head := "Zeit;T_Kühl [°C]\n").encode("cp850") + b"0;20,5\n1;21,5\n")
+    _, _, columns = read(path)
+    assert columns == {head.strip().split(";")[1]: [20.5, 21.5]}
 
 
 def test_a_line_is_found_at_its_byte_in_the_file(tmp_path: Path) -> None:
