@@ -103,6 +103,13 @@ def test_a_named_cause_comes_with_its_id_words_size_formula_and_evidence() -> No
         assert part in text
 
 
+def test_a_cause_that_moves_readings_alone_has_no_largest_effect_on_a_temperature() -> None:
+    lag = replace(BIAS, largest_effect_K=0.0, largest_effect_node="winding", largest_effect_t_s=0.0, typical_W=None)
+    text = flat(diagnosis_text(replace(NAMED, causes=[lag])))
+    assert "it moves a reading and no temperature of the motor" in text
+    assert "largest effect" not in text
+
+
 def test_the_family_that_is_relieved_most_is_told_in_whichever_order_an_answer_was_sealed() -> None:
     evidence = EvidenceParts(fit=13.1, priors_relieved=12.7, rest=0.5, relieved={"capacities": 1.4, "films": 3.5})
     assert "12.7 priors relieved (other numbers move less, mostly films: 3.5)" in comes_from(evidence)
