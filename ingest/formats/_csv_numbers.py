@@ -30,10 +30,24 @@ NOTHING = (
     "n.v.",
 )
 OVER_RANGE = ("OL", "O.L", "OVER", "OVLD", "nan", "inf", "Inf", "INF", "∞", "1.#INF", "1.#QNAN", "1.#IND")
-BROKEN = ("OPEN", "Open", "INVALID", "Invalid", "Error", "unavailable", "#OVL", "OTC", "---O-F---", "---O-L---")
+BROKEN = (
+    "OPEN",
+    "Open",
+    "Open TC",
+    "TC open",
+    "INVALID",
+    "Invalid",
+    "Error",
+    "unavailable",
+    "#OVL",
+    "OTC",
+    "---O-F---",
+    "---O-L---",
+)
 FAULTS = (  # in any of three spellings: "over range", "Over range", "OVER RANGE"; in four languages
     *("overflow", "underflow", "overload", "over range", "overrange", "under range", "underrange", "burnout"),
     *("burn out", "open circuit", "short circuit", "sensor break", "no value", "no data", "no signal"),
+    *("open tc", "open thermocouple", "open sensor", "sensor open", "tc open"),
     *("Überlauf", "Unterlauf", "Fühlerbruch", "Sensorbruch", "Drahtbruch", "Leitungsbruch", "Kurzschluss", "Bruch"),
     *(
         "ungültig",
