@@ -11,6 +11,7 @@ from typing import Any
 from unicodedata import normalize
 
 from ingest.bench.signals import Directory, Signal
+from ingest.bench.time_tables import Logger
 from ingest.errors import UnitError
 from ingest.texts.guessing import guess, unit_in_name, words
 from ingest.texts.quantities import PEAK, STORED_UNIT, converter
@@ -42,14 +43,14 @@ Read every line, above all those marked CHECK.
 """
 _ONE_SPECIMEN = '# specimen = "motor-01"\n'
 _LABELLED = "{key} = {column}  # CHECK: each row is of the {what} that stands in this column\n"
-_DAYS = """
+_TIME = """
 # {why}
 [{table}]
+"""
+_DAYS = """\
 column = {column}  # CHECK: its days are the stamps
 """
-_NO_TIME = """
-# {why}
-[{table}]
+_NO_TIME = """\
 rate_hz = 1.0                  # CHECK: no time was recognised; how many rows a second?
 # start = 2024-03-01T08:00:00Z
 """
@@ -83,9 +84,9 @@ def draft_bench(
     are.
 
     `settings`: `texts`, the columns that hold text, which have no quantity; `untimed`, why a log has no time: `[time]`
-    is there to be filled in, or names the column of `days`; of one `format` alone, where logs of others have theirs;
-    `absolute`, whether a log has dates; `labels`, the columns of a table that tell "specimen" and "batch" of each row;
-    `loggers`, what wrote the logs.
+    is there to be filled in, or names the column of `days`; of one `format` alone, where logs of others have theirs, or
+    of the `logger` that wrote it; `absolute`, whether a log has dates; `labels`, the columns of a table that tell
+    "specimen" and "batch" of each row; `loggers`, what wrote the logs.
     """
     directory = Directory(signals)
     found = {reference: signal for signal in signals if (reference := _reference(signal, directory))}
@@ -96,7 +97,7 @@ def draft_bench(
     places = [reference for reference, quantity in known.items() if quantity == "temperature"]
     rivals = _rivals({found[one]: str(quantity) for one, quantity in known.items()}, at_once or [signals])
     parts = [_HEAD.format(name=_comment(name)), *_labelled(settings.get("labels", {})), _untimed(settings)]
-    parts += [_LOGGER.format(name=one.name, files=_text(one.files)) for one in settings.get("loggers", ())]
+    parts += [_logger(one, settings) for one in settings.get("loggers", ())]
     parts += [_entry(found[one], one, str(known[one]), found[one] in rivals) for one in inputs]
     parts += [_phase_current(found, known, directory)]
     parts += [_NODES if places else ""]
@@ -117,12 +118,26 @@ def _labelled(labels: Mapping[str, str]) -> Iterator[str]:
 
 
 def _untimed(settings: Mapping[str, Any]) -> str:
-    """`[time]`, where nothing says the times of a log; and where to say the zone of stamps."""
-    why, days, form = (settings.get(key) for key in ("untimed", "days", "format"))
-    local, table = _LOCAL if settings.get("absolute") else "", f"time.{form}" if form else "time"
-    if days:
-        return local + _DAYS.format(why=_comment(str(why)), column=_text(days), table=table)
-    return local + (_NO_TIME.format(why=_comment(why), table=table) if why else "")
+    """`[time]`, where nothing says the times of a log, unless its logger does; and where to say the zone of stamps."""
+    why, form = settings.get("untimed"), settings.get("format")
+    local = _LOCAL if settings.get("absolute") else ""
+    if not why or settings.get("logger"):
+        return local
+    return local + _TIME.format(why=_comment(why), table=f"time.{form}" if form else "time") + _told_time(settings)
+
+
+def _logger(one: Logger, settings: Mapping[str, Any]) -> str:
+    """A `[[logger]]`; that of a log whose times nothing says has the keys that `[time]` would have."""
+    table = _LOGGER.format(name=one.name, files=_text(one.files))
+    if one.name != settings.get("logger"):
+        return table
+    why = _comment(settings["untimed"]).replace("Under [time] of the bench file", "Here")
+    return f"{table}# {why}\n{_told_time(settings)}"
+
+
+def _told_time(settings: Mapping[str, Any]) -> str:
+    days = settings.get("days")
+    return _DAYS.format(column=_text(days)) if days else _NO_TIME
 
 
 def _rivals(known: Mapping[Signal, str], at_once: Sequence[Collection[Signal]]) -> set[Signal]:

@@ -10,6 +10,7 @@ from ingest.bench.signals import BUS
 from ingest.bench.time_tables import Logger
 
 _NUMBER = re.compile(r"(\d+)")
+_LETTER = re.compile(r"[^\W\d_]")
 _STEM_END = re.compile(r"\.(?!\d)")  # but not the dots of "thermo_14.03.2025.csv"
 
 
@@ -29,18 +30,28 @@ def loggers(logs: Mapping[str, Collection[str]]) -> list[Logger]:
 
 def _logger(logs: Sequence[str]) -> Logger | None:
     """The logger of these logs, called by the words that their names share; None where they differ in more than
-    numbers: "run07_thermo.csv" and "run08_thermo.csv" are `run*_thermo.*`."""
+    numbers: "run07_thermo.csv" and "run08_thermo.csv" are `run*_thermo.*`, and "thermo_7.csv" beside "thermo_8_2.csv",
+    the second part of a run, `thermo_*`."""
     stems = [_NUMBER.split(_STEM_END.split(log)[0]) for log in logs]  # words and numbers in turn
-    if len({(len(stem), *stem[::2]) for stem in stems}) > 1:
+    if len({(len(stem), *stem[::2]) for stem in stems}) == 1:
+        pattern = _with_numbers(stems)
+    elif len({stem[0] for stem in stems}) == 1 and not any(_LETTER.search("".join(stem[2::2])) for stem in stems):
+        pattern = f"{stems[0][0]}*"  # as many numbers as each has
+    else:
         return None
+    pattern = re.sub(r"\*[\W_*]*\*", "*", re.sub(r"[?\[\]]", "?", pattern))  # a day is one number
+    name = "_".join(re.findall(r"[a-z0-9]+", pattern.casefold()))
+    if not name[:1].isalpha() or re.fullmatch(BUS, name):
+        return None
+    return Logger(name, pattern if pattern.endswith("*") else f"{pattern}.*", None)
+
+
+def _with_numbers(stems: Sequence[Sequence[str]]) -> str:
+    """The words that all have, with `*` for each number that tells them apart."""
     pattern = stems[0][0]
     for before, numbers, after in zip(
         stems[0][::2], zip(*(stem[1::2] for stem in stems), strict=True), stems[0][2::2], strict=False
     ):
         a_part = before[-1:].isalpha() and len(set(numbers)) == 1  # the 1 of "logger1"
         pattern += (numbers[0] if a_part else "*") + after
-    pattern = re.sub(r"\*[\W_*]*\*", "*", re.sub(r"[?\[\]]", "?", pattern))  # a day is one number
-    name = "_".join(re.findall(r"[a-z0-9]+", pattern.casefold()))
-    if not name[:1].isalpha() or re.fullmatch(BUS, name):
-        return None
-    return Logger(name, pattern if pattern.endswith("*") else f"{pattern}.*", None)
+    return pattern

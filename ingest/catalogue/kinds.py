@@ -258,7 +258,8 @@ def _drive(trace: _Trace) -> tuple[str, str]:
     low, high = np.quantile(turning, (0.05, 0.95))
     if high - low > max(2 * SPEED_CONSTANT * trace.top_speed, SPREAD_rpm):
         return "drive", f"speed varies, {low:,.0f} to {high:,.0f} rpm for 90 % of {seconds(len(turning))} turning"
-    return "other", f"constant speed ({np.median(turning):,.0f} rpm), the load neither held for 15 min nor in pulses"
+    held = f"held for {S1_s // 60} min while it turns nor in pulses of {PULSE_s[0]} to {PULSE_s[1]} s"
+    return "other", f"constant speed ({np.median(turning):,.0f} rpm), most of the load neither {held}"
 
 
 def _runs(flags: Bools) -> list[tuple[int, int]]:

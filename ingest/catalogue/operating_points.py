@@ -13,6 +13,8 @@ from ingest.catalogue.channels import ChannelData, aligned, current, find
 from ingest.texts.quantities import STORED_UNIT
 
 COLUMNS, ROWS = 10, 8  # cells at most
+ROUND, ROUNDISH = (1.0, 2.0, 2.5, 5.0), (1.0, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)  # steps, times a power of ten
+SPREAD = 0.15  # of values that are spread evenly a tenth are near an edge
 SHADES = " ░▒▓█"
 LABEL, CELL = 16, 8  # characters
 
@@ -52,17 +54,34 @@ def round_edges(value: NDArray[np.float64], most: int) -> NDArray[np.float64]:
     """Edges of at most `most` equal cells over the range of `value`, with round middles (1, 2, 2.5, 5 x 10^k).
 
     Tests are driven at round set points: these lie in the middle of a cell, so that noise does not spread one over
-    two. A cell is at least 1 % of the largest value wide.
+    two. Where one lies on an edge, as 1,500 does between 1,400 and 1,600, another step is taken (3, 4, 6, 8 x 10^k
+    too). A cell is at least 1 % of the largest value wide.
     """
     low, high = float(value.min()), float(value.max())
     least = max((high - low) / most, 0.01 * max(abs(low), abs(high)), 1e-3)
     power = 10.0 ** np.floor(np.log10(least))
-    for step in power * np.array([1.0, 2.0, 2.5, 5.0, 10.0, 20.0]):
-        first, last = np.floor(low / step + 0.5), np.floor(high / step + 0.5)
-        if step >= 0.999 * least and last - first < most:
-            break
+
+    def that_fit(words: Sequence[float]) -> list[NDArray[np.float64]]:
+        steps = [power * ten * word for ten in (1.0, 10.0) for word in words]
+        found = (_edges(low, high, step) for step in steps if step >= 0.999 * least)
+        return [edges for edges in found if len(edges) - 1 <= most]
+
+    tried = [*that_fit(ROUND)[:1], *that_fit(ROUNDISH)]
+    return next((edges for edges in tried if _spread(value, edges) < SPREAD), tried[0])
+
+
+def _edges(low: float, high: float, step: float) -> NDArray[np.float64]:
+    first, last = np.floor(low / step + 0.5), np.floor(high / step + 0.5)
     edges: NDArray[np.float64] = (np.arange(first, last + 2) - 0.5) * step
     return edges
+
+
+def _spread(value: NDArray[np.float64], edges: NDArray[np.float64]) -> float:
+    """The share of the values that lie on both sides of an edge alike, within a twentieth of a cell of it."""
+    near = 0.05 * (edges[1] - edges[0])
+    inner = np.sort(value)
+    below, at, above = (np.searchsorted(inner, edges[1:-1] + by) for by in (-near, 0.0, near))
+    return float(2 * np.minimum(at - below, above - at).sum() / len(inner))
 
 
 def draw(points: OperatingPoints, width: int = 100) -> str:

@@ -337,8 +337,8 @@ def _records_repeated(qualities: Sequence[ChannelQuality]) -> Iterator[QualityFl
 def _masked(quality: ChannelQuality) -> Iterator[QualityFlagged]:
     for kind in ("saturated", "stuck", "held"):
         if some := [stretch for stretch in quality.stretches if stretch.kind == kind and not stretch.together]:
-            how = "holds its last value" if kind == "held" else f"is {kind} at {some[0].value:,.6g}"
-            yield _flag(quality.name, kind, f"{how} for {_times(some)}: masked", some)
+            at = f" at {some[0].value:,.6g}" if len({one.value for one in some}) == 1 else ""
+            yield _flag(quality.name, kind, f"is {kind}{at} for {_times(some)}: masked", some)
 
 
 def _constant(quality: ChannelQuality) -> Iterator[QualityFlagged]:

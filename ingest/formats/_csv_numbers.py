@@ -34,8 +34,9 @@ BROKEN = ("OPEN", "Open", "INVALID", "Invalid", "Error", "unavailable", "#OVL", 
 FAULTS = (  # in any of four spellings: "over range", "Over range", "Over Range", "OVER RANGE"; in four languages
     *("overflow", "underflow", "overload", "over range", "overrange", "under range", "underrange", "burnout"),
     *("bad data", "comm fail", "scan off", "i/o timeout", "calc failed", "pt created"),  # of historians
-    *("sensor error", "sensor fault", "no sensor", "open tc", "Open TC"),
+    *("sensor error", "sensor fault", "no sensor"),
     *("burn out", "open circuit", "short circuit", "sensor break", "no value", "no data", "no signal"),
+    *("open tc", "Open TC", "tc open", "TC open", "open thermocouple", "open sensor", "sensor open"),
     *("Überlauf", "Unterlauf", "Fühlerbruch", "Sensorbruch", "Drahtbruch", "Leitungsbruch", "Kurzschluss", "Bruch"),
     *(
         "ungültig",

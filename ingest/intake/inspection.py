@@ -152,6 +152,8 @@ def draft(found: Inspection) -> str:
         forms = {one.reading.format for one in found.files if one.reading}
         settings |= {"untimed": untimed.note, "days": untimed.days}
         settings["format"] = untimed.reading.format if len(forms) > 1 else None
+        wrote = (one.name for one in settings["loggers"] if one.wrote(kept_name(untimed.path)))
+        settings["logger"] = next(wrote, None)
     return draft_bench([seen.signal for seen in found.there], settings, name, found.at_once)
 
 

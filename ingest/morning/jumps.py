@@ -14,7 +14,7 @@ same: a moment counts at which `TOGETHER` jump to one side while the current sta
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -26,6 +26,7 @@ from ingest.catalogue.kinds import STANDSTILL_rpm
 SIDE_s, BETWEEN_s = 15, 3
 TOGETHER = 3  # thermometers
 LEAST_K, SIGMAS, KINK_s = 0.8, 6.0, 15.0
+ACCELERATED = 0.1  # share of the largest speed
 APART_s = 30  # two jumps to one side that are closer are one
 SLOWEST_s = 2.0  # between samples: of a slower channel nobody knows what is a jump
 
@@ -57,6 +58,7 @@ def jumps_together(thermometers: Sequence[ChannelData], channels: Sequence[Chann
     jumped = np.where(
         _unloaded(channels, begin, seconds), [_jumped(_each_second(one, begin, seconds)) for one in fast], 0.0
     )
+    jumped[jumped * _accelerated(channels, begin, seconds) > 0.0] = 0.0
     at = np.array(sorted(s for side in (1, -1) for s in _moments((side * jumped > 0).sum(axis=0))), dtype=np.int64)
     if not at.size:
         return None
@@ -108,6 +110,23 @@ def _unloaded(channels: Sequence[ChannelData], begin: int, seconds: int) -> NDAr
     reach = 2 * (SIDE_s + BETWEEN_s) + 1
     calm: NDArray[np.bool_] = np.convolve(loaded, np.ones(reach, dtype=np.int64), "same")[:seconds] == 0
     return calm
+
+
+def _accelerated(channels: Sequence[ChannelData], begin: int, seconds: int) -> Array:
+    """(seconds,) 1 where the motor turns faster in the side after than in the side before, by more than `ACCELERATED`
+    of its largest speed, -1 where slower, else 0."""
+    changed, speed, margin = np.zeros(seconds), find(channels, "speed"), SIDE_s + BETWEEN_s
+    if speed is None or seconds <= 2 * margin:
+        return changed
+    ends = (begin, begin + seconds * 1_000_000_000)
+    meanwhile = speed.samples(slice(*(int(np.searchsorted(speed.t_ns, end)) for end in ends)))
+    if not len(meanwhile.t_ns):
+        return changed
+    turns = replace(meanwhile, value=np.abs(meanwhile.value))
+    sides = sliding_window_view(_each_second(turns, begin, seconds), SIDE_s).mean(axis=1)
+    change = sides[margin + BETWEEN_s : seconds - margin + BETWEEN_s] - sides[: seconds - 2 * margin]
+    changed[margin:-margin] = np.where(np.abs(change) > ACCELERATED * turns.value.max(), np.sign(change), 0.0)
+    return changed
 
 
 def _moments(together: NDArray[np.int64]) -> list[int]:

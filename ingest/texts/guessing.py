@@ -128,7 +128,7 @@ def unit_in_name(signal: str) -> str | None:
     if unit := next((one for one in within if normal_unit(one) in _BY_UNIT), None):
         return unit
     rest, _, last = (part.strip() for part in signal.rpartition("/" if re.search(PER_UNIT, signal) else "_"))
-    if not rest or not (last in spellings() or last.lower() in _LOOSELY_SPELT):
+    if not rest or not (tidy(last) in spellings() or last.lower() in _LOOSELY_SPELT):
         return None
     quantity = _BY_UNIT.get(normal_unit(last) or "")
     by_name = next((one for one, holds in _BY_NAME.items() if re.search(holds, words(rest))), "")

@@ -29,24 +29,24 @@ _UNITS: Mapping[str, tuple[str, str]] = {
     "rps": ("turn/s", "rev/s|r/s|U/s"),
     "rad/s": ("rad/s", "rad s-1|rad s^-1|rad*s-1"),
     "deg/s": ("deg/s", "°/s|degrees/s|degree/s"),
-    "Nm": ("N*m", "N m|N.m|N·m|N*m|N-m|Newtonmeter|newton meter|newton metre"),
-    "kNm": ("kN*m", "kN m|kN.m|kN·m|kN*m"),
-    "mNm": ("mN*m", "mN m|mN.m|mN·m|mN*m"),
-    "lbf ft": ("lbf*ft", "lb ft|lb-ft|ft lb|ft-lb|lbf*ft|ft lbf|ft*lbf|lbft|ftlb|lbf-ft|ft-lbf|lbf.ft"),
-    "lbf in": ("lbf*inch", "lb in|lb-in|in lb|in-lb|lbf-in|in-lbf|lbf*in|lbf.in|lbin|inlb"),
+    "Nm": ("N*m", "N m|N.m|N*m|N-m|Newtonmeter|newton meter|newton metre"),
+    "kNm": ("kN*m", "kN m|kN.m|kN*m"),
+    "mNm": ("mN*m", "mN m|mN.m|mN*m"),
+    "lbf ft": ("lbf*ft", "lb ft|lb-ft|lb*ft|ft lb|ft-lb|ft*lb|lbf*ft|ft lbf|ft*lbf|lbft|ftlb|lbf-ft|ft-lbf|lbf.ft"),
+    "lbf in": ("lbf*inch", "lb in|lb-in|in lb|in-lb|lb*in|in*lb|lbf-in|in-lbf|lbf*in|in*lbf|in lbf|lbf.in|lbin|inlb"),
     "A": ("A", "amp|amps|ampere|amperes|A DC|A_DC|A AC|A_AC"),
     "V": ("V", "volt|volts|VDC|V DC|V_DC|VAC|V AC|V_AC"),
     "W": ("W", "watt|watts"),
     "hp": ("hp", "HP"),
     "PS": ("metric_horsepower", "CV"),
-    "lpm": ("L/min", "l/min|L/min|ltr/min|l min-1|l/minute|liter/min|litre/min|Liter/min|dm3/min"),
+    "lpm": ("L/min", "l/min|L/min|ltr/min|l min-1|l*min-1|l/minute|liter/min|litre/min|Liter/min|dm3/min"),
     "l/h": ("L/h", "L/h|lph|ltr/h"),
     "l/s": ("L/s", "L/s"),
     "ml/min": ("mL/min", "mL/min|cm3/min|ccm/min"),
     "m3/h": ("m**3/h", "m^3/h|cbm/h"),
     "gpm": ("gallon/min", "gal/min|US gal/min"),
     "ohm": ("ohm", "Ω|Ohms"),
-    "Wb": ("Wb", "Vs|V s|V*s|V.s|V·s|weber"),
+    "Wb": ("Wb", "Vs|V s|V*s|V.s|weber"),
     "mWb": ("mWb", "mVs|mV s|mV*s"),
     "m/s2": ("m/s**2", "m/s^2|m/s/s|m s-2|m/s**2|m/sec2|m/sec^2"),
     "F": ("F", "farad"),
@@ -75,8 +75,8 @@ _UNITS: Mapping[str, tuple[str, str]] = {
     "g": ("g", ""),
     "Hz": ("Hz", "hertz"),
     "J": ("J", "joule"),
-    "Wh": ("W*h", ""),
-    "Ah": ("A*h", ""),
+    "Wh": ("W*h", "W*h"),
+    "Ah": ("A*h", "A*h"),
     "N": ("N", "newton"),
     "T": ("T", "tesla"),
 }
@@ -84,6 +84,7 @@ _WRITTEN: Mapping[str, str] = {"degC": "°C", "lpm": "l/min", "ohm": "Ω", "m/s2
 _PREFIXED = ("A", "V", "W", "ohm", "F", "H", "Hz", "Pa", "s", "J", "Wh", "Ah", "bar", "N", "T", "g")
 _PREFIXES = ("p", "n", "u", "m", "k", "M", "G")
 _OF_OHM = (*_PREFIXES, "T")  # as meters of insulation go: of others "T" is a time or a tesla
+_PLAIN = str.maketrans(dict.fromkeys("·⋅∙•‧", "*") | dict.fromkeys("−‐‑", "-") | {"º": "°", "µ": "u", "μ": "u"})
 _AT_END = re.compile(r"(?<=\S)[ _]*[\[(]([^\[\]()]+)[\])]\s*$")  # a unit, behind a name
 
 
@@ -112,8 +113,9 @@ def with_unit(name: str, unit: str) -> str:
 
 
 def tidy(text: str) -> str:
-    """Compatibility characters (Ω of ohm, ², ℃) made plain, brackets and blanks around taken off."""
-    plain = unicodedata.normalize("NFKC", text.replace("º", "°").replace("µ", "u").replace("μ", "u"))
+    """Compatibility characters (Ω of ohm, ², ℃), raised dots and the minus of min⁻¹ made plain, brackets and blanks
+    around taken off."""
+    plain = unicodedata.normalize("NFKC", text.replace("º", "°")).translate(_PLAIN)
     plain = " ".join(plain.split())
     inner = re.fullmatch(r"\[(.*)\]|\((.*)\)", plain)
     return next((part.strip() for part in inner.groups() if part is not None), "") if inner else plain
@@ -149,10 +151,10 @@ def _pint_text(unit: str) -> str | None:
     if unit in _expressions():
         return _expressions()[unit]
     name = r"[A-Za-z_°]+(?:(?:\^|\*\*)?-?\d)?"
-    if len(unit) > 40 or not re.fullmatch(rf"(?:1|{name})(?:[*/· .]{name})*", unit):
+    if len(unit) > 40 or not re.fullmatch(rf"(?:1|{name})(?:[*/ .]{name})*", unit):
         return None
     powers = re.sub(r"([A-Za-z_°])(?:\^|\*\*)?(-?\d)", r"\1**\2", unit)
-    return re.sub(r"[· .]", "*", powers)
+    return re.sub(r"[ .]", "*", powers)
 
 
 def _base(expression: str) -> Any:

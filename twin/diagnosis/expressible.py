@@ -6,7 +6,8 @@ one is mostly its own error, and a reading that is moved by that is worse than t
 file is wrong, none of a reading is known, unless it is named: a lump that is no point looks like a gain. And what a
 session of its own is off by, its coolant for one, is what the form lacks there, and no other session has it: left free
 while the rest is fitted again, it would keep the rest from what all sessions have in common. A loss that falls with
-current so fast that it would cool is held where something is left of it (`Shape.least_slope`).
+current so fast that it would cool is held where something is left of it (`Shape.least_slope`), and an exponent at 0,
+as below it a film would be infinite at standstill.
 
 A hundred small differences just left out would add up to kelvins, so the others take their part by the fit's own
 curvature H (Laplace's approximation): with d the entries set to 0 and f the others,
@@ -28,7 +29,8 @@ from twin.diagnosis.posterior_mode import is_wrong_in_form
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import NEAR_ENOUGH, Fit, Floats, fit
-from twin.motor.network import NOBODY, Shape
+from twin.motor.features import terms
+from twin.motor.network import NOBODY, Shape, Term
 from twin.motor.sensor_laws import Bias, Gain, Lag, Misreading
 
 Bools = NDArray[np.bool_]
@@ -44,7 +46,7 @@ def expressible(found: Fit, named: Collection[int], driving: Collection[str]) ->
     """The fit again, its vector in the same places, with what files cannot say at 0: a path or a share of a sensor
     below 0, the clock of a bus that drives the model, a heat over the current of a motor that brakes, healthy
     differences below `WORTH_A_LINE`, and errors of the bench that are less than `SURE`; where the form of the file is
-    wrong, also what readings, and the bench in one test, are off by.
+    wrong, also what readings, and the bench in one test, are off by. No exponent falls below 0.
 
     `named`: places in the vector that stay as they are; what is healthy of the same action is never too small;
     `driving`: channels on a bus that stamps inputs too. What else belongs to one test is no part of a file and stays
@@ -58,6 +60,8 @@ def expressible(found: Fit, named: Collection[int], driving: Collection[str]) ->
     if is_wrong_in_form(found.model):
         unsayable |= unnamed & np.array([_is_of_these_tests(one) for one in parameters])
     positive = open_ & np.array([_is_share(one) for one in parameters])
+    own = list(terms(found.model.network))
+    floor = np.where(open_, [_least(one, own) for one in parameters], -np.inf)
     optional = open_ & np.array([_is_optional(one) and one.action not in causes for one in parameters])
     of_bench = np.array([isinstance(one.action, actions.OnBench) for one in parameters])
     sd = np.sqrt(found.covariance_diagonal)
@@ -71,17 +75,15 @@ def expressible(found: Fit, named: Collection[int], driving: Collection[str]) ->
                 break
             left_out = left_out | more
             beta = _given(found, left_out, held)
-    if not left_out.any() and not _turning(found):
+    if not left_out.any() and not (mode < floor).any() and not _turning(found):
         return found
     pinned = [
         replace(one, low=beta[p], high=beta[p])
         if left_out[p] or p in named
-        else replace(one, low=max(one.low, 0.0))
-        if positive[p]
-        else one
+        else replace(one, low=max(one.low, floor[p]))
         for p, one in enumerate(parameters)
     ]
-    said = fit(found.model.with_priors(pinned), beta, NEAR_ENOUGH)
+    said = fit(found.model.with_priors(pinned), np.maximum(beta, np.where(left_out, -np.inf, floor)), NEAR_ENOUGH)
     while turning := _turning(said):
         pinned = [
             replace(one, low=turning[p], high=turning[p]) if p in turning else one for p, one in enumerate(pinned)
@@ -142,6 +144,14 @@ def _is_share(one: Parameter) -> bool:
         case actions.Beside():
             return True
     return False
+
+
+def _least(one: Parameter, own: Sequence[Term]) -> float:
+    """The least that files can say of a number: 0 of a share, and of an exponent's change what takes it to 0."""
+    match one.action:
+        case actions.Power(members, feature):
+            return -min(own[i].exponents.get(feature, 0.0) for i in members)
+    return 0.0 if _is_share(one) else -np.inf
 
 
 def _is_optional(one: Parameter) -> bool:

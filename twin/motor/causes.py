@@ -220,7 +220,7 @@ _SAYS = {
     ("capacity", "attached"): "an attached mass stores heat behind {place}",
     ("boundary", "bias"): "{place} is warmer or colder than measured by a constant",
     **{("sensor", one.law): one.says for one in SENSOR_LAWS},
-    ("sensor", "hold"): "the sensor at {place} repeats old values",
+    ("sensor", "hold"): "the sensor at {place} holds one value for a time",
     ("sensor", "dropout"): "the sensor at {place} loses samples",
     ("sensor", "stuck"): "the sensor at {place} stays at one value",
     ("sensor", "saturation"): "the sensor at {place} meets the end of its range",

@@ -178,6 +178,8 @@ def effect(diagnosis: Diagnosis, cause: Named) -> str:
     at = f"{session_name(diagnosis, cause.largest_effect_session)} {clock(cause.largest_effect_t_s)}"
     node = words.name(cause.largest_effect_node)
     more = f"; {cause.times_usual:.0f} times as large as such a cause usually is" * (cause.times_usual > UNUSUAL)
+    if cause.largest_effect_K == 0.0:
+        return f"{how_much}{typical}it moves a reading and no temperature of the motor{more}"
     return f"{how_much}{typical}largest effect {words.signed_kelvin(cause.largest_effect_K)} at the {node}, {at}{more}"
 
 

@@ -138,8 +138,13 @@ def _hidden(found: Planned) -> Iterator[str]:
     for i, line in enumerate(lines):
         yield line
         if i < len(shown) and shown[i].alike:
-            also = f"also looks like {words.joined(shown[i].alike[:2])}"
-            yield from textwrap.wrap(also, width(), initial_indent="  ", subsequent_indent="  ")
+            yield from looks_like(shown[i])
+
+
+def looks_like(one: Detectable) -> list[str]:
+    """The causes that it cannot be told from, each name whole on its line."""
+    also = f"also looks like {words.joined(one.alike[:2])}"
+    return textwrap.wrap(also, width(), initial_indent="  ", subsequent_indent="  ", break_on_hyphens=False)
 
 
 def _hidden_row(one: Detectable) -> tuple[str, ...]:

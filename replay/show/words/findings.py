@@ -90,7 +90,8 @@ def _worst(session: Summary, worst: ChannelErrors, mean_K: float, sessions: int)
     most = f", most {place}" if place else ""
     verdict = "off both ways" if direction(worst) == "off both ways" else f"mostly {direction(worst)}"
     lead = f"The model is furthest off at the {words.name(worst.node)}: "
-    error = mean_error(worst)
+    beside = [error for error in worst_first(session) if error.node == worst.node and error is not worst]
+    error = mean_error(worst) + (f" ({worst.channel})" if beside else "")
     if sessions == 1:
         return f"{lead}{error} on average and {words.kelvin(worst.max_K)} at worst, {verdict}{most}."
     mean = f"{words.kelvin(mean_K)} on average over {sessions} recordings"

@@ -145,9 +145,17 @@ def _why_nothing(found: Diagnosis) -> str:
         [*(cause.id for cause in found.causes), *(heat.extends for heat in found.unknown if heat.extends)]
     )
     if not named:
-        return "it named no cause. Models stay as they are"
+        return f"it named no cause. {_stay(found)}"
     why = found.why_no_files or f"{named} changes neither motor nor bench file"
-    return f"{why}. Models stay as they are" if found.said else f"no file can say {named}. Models stay as they are"
+    return f"{why}. {_stay(found)}" if found.said else f"no file can say {named}. {_stay(found)}"
+
+
+def _stay(found: Diagnosis) -> str:
+    """That no model becomes current, and how to have the recalibrated one, where there is one."""
+    stay = "Models stay as they are"
+    if not found.recalibrated_model:
+        return stay
+    return f"{stay}; the recalibrated motor file: whyhot motor export {handle(found.recalibrated_model)} -o motor.toml"
 
 
 def _elsewhere(facts: Facts, found: Diagnosis, model: str) -> dict[str, str]:

@@ -28,7 +28,7 @@ def comparable(kept: Sequence[SessionRecorded], tests: Sequence[Test], learnt: S
     left_out = [
         Masked(session=session.session, session_name=session.name, channel=channel, says=f"{channel} {why}")
         for session, own, test in zip(kept, tests, sure, strict=True)
-        for channel, why in [*_unknown(own, known), *_missing(test, learnt)]
+        for channel, why in ([*_unknown(own, known), *_missing(test, learnt)] if test.channels else _nothing(own))
     ]
     return Comparable(tuple(s for s, _ in pairs), tuple(t for _, t in pairs), tuple(left_out))
 
@@ -42,6 +42,14 @@ def _unknown(test: Test, known: set[str]) -> Iterator[tuple[str, str]]:
     for c in (*test.channels, *test.meters):
         if c.name not in known:
             yield c.name, "is in no session that was learnt from: not compared"
+
+
+def _nothing(test: Test) -> Iterator[tuple[str, str]]:
+    """Why a session that has no channel of those learnt from is not compared: said of its first channel."""
+    first, *others = (c.name for c in (*test.channels, *test.meters))
+    more = f"and {len(others)} more are" if others else "is"
+    why = f"{more} in no session that was learnt from: nothing of this session is compared"
+    yield first, f"{why}. Sensors that only have another name here are told by [[change]] in the bench file"
 
 
 def _missing(test: Test, learnt: Sequence[Test]) -> Iterator[tuple[str, str]]:

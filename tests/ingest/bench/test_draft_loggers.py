@@ -25,6 +25,11 @@ from ingest.bench.signals import Signal
             {"14.03.2025 logger1.csv": "T", "14.03.2025 logger2.csv": "n"},
             {"logger1": "* logger1.*", "logger2": "* logger2.*"},
         ),
+        (
+            {"LMG_A1_1.csv": "P", "LMG_A1_2.csv": "P", "LMG_A2.csv": "P", "Thermo_A1.csv": "T", "Thermo_A2.csv": "T"},
+            {"lmg_a": "LMG_A*", "thermo_a": "Thermo_A*"},
+        ),
+        ({"a_1.csv": "T", "a_1_b.csv": "T", "c_1.csv": "P"}, {}),  # its second part is called otherwise
         ({"T[1] 7.csv": "T", "P[1] 7.csv": "P"}, {"t": "T?*", "p": "P?*"}),
         ({"thermo.csv": "T", "power.csv": "P"}, {}),  # called so already
         ({"thermo_1.csv": "T", "thermo_2.csv": "T"}, {}),  # one logger

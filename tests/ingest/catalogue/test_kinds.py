@@ -201,6 +201,13 @@ def test_a_constant_speed_with_steps_of_load_is_other() -> None:
     assert (kind, why.split(",")[0]) == ("other", "constant speed (500 rpm)")
 
 
+def test_pulses_that_are_longer_than_those_of_s2_are_not_said_to_be_none() -> None:
+    on = np.tile(np.r_[np.zeros(300), np.ones(600)], 6)
+    kind, why = recognise(drive(1500.0 * on, 85.0 * on))
+    says = "most of the load neither held for 15 min while it turns nor in pulses of 5 to 120 s"
+    assert (kind, why) == ("other", f"constant speed (1,500 rpm), {says}")
+
+
 @pytest.mark.parametrize(
     ("name", "kind"), [("id_1", "other"), ("id_3", "s1"), ("id_9", "drive"), ("id_10", "other"), ("id_12", "drive")]
 )

@@ -53,6 +53,24 @@ def test_cells_lie_around_round_values_and_hold_every_value(low: float, high: fl
     assert edges[0] <= low and high <= edges[-1]
 
 
+@pytest.mark.parametrize(
+    ("set_points", "noise", "most", "middles"),
+    [
+        ([0.0, 1500.0], 0.6, 10, [0, 250, 500, 750, 1000, 1250, 1500]),
+        ([0.0, 750.0, 2400.0], 0.6, 10, [0, 400, 800, 1200, 1600, 2000, 2400]),
+        ([0.0, 35.0, 70.0], 0.2, 8, [0, 25, 50, 75]),
+    ],
+)
+def test_a_set_point_with_its_noise_lies_in_one_cell(
+    set_points: list[float], noise: float, most: int, middles: list[float]
+) -> None:
+    own = np.random.default_rng(1).normal(0.0, noise, (len(set_points), 1000))
+    edges = round_edges((np.array(set_points)[:, None] + own).ravel(), most)
+    assert ((edges[1:] + edges[:-1]) / 2).tolist() == middles
+    for point in set_points:
+        assert len(set(np.searchsorted(edges, point + own[0]))) == 1
+
+
 @pytest.mark.parametrize("value", [0.0, -3.7, 5000.0])
 def test_a_constant_has_one_cell(value: float) -> None:
     edges = round_edges(np.full(3, value), 10)

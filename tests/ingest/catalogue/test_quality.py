@@ -64,7 +64,7 @@ def test_a_held_stretch_is_found_with_its_ends_and_all_but_its_first_sample_is_b
     assert [(one.kind, one.first, one.last) for one in found.stretches] == [("held", 1000, 1239), ("held", 2200, 2439)]
     assert found.stretches[0].duration_s == 239.0
     assert found.good[1000] and not found.good[1001:1240].any() and found.good[1240:2201].all()
-    assert [flag.says for flag in findings([found])] == ["MAG_1 holds its last value for up to 239 s, 2 times: masked"]
+    assert [flag.says for flag in findings([found])] == ["MAG_1 is held for up to 239 s, 2 times: masked"]
 
 
 @pytest.mark.parametrize("last", [1239, 3599])
@@ -74,6 +74,8 @@ def test_the_value_that_an_open_thermocouple_jumps_to_was_not_measured(last: int
     (found, _) = assess([temperature(value), moving()])
     assert [(one.first, one.last) for one in found.stretches] == [(1000, last)]
     assert not found.good[1000 : last + 1].any() and found.good[:1000].all()
+    (flag,) = findings([found])
+    assert flag.says.startswith(f"MAG_1 is {flag.flag} at 1,372 for ")
 
 
 def test_a_held_stretch_needs_another_channel_that_moves() -> None:

@@ -213,7 +213,7 @@ def test_a_description_holds_everything_that_is_known(store: Store) -> None:
     assert found.attributes == {"inverter": "sw 4.2"}
     magnet = found.channels[2]
     assert [(one.kind, one.times, one.longest_s) for one in magnet.repeats] == [("held", 1, 299.0)]
-    assert found.findings == ("MAG_1 holds its last value for 299 s: masked",)
+    assert found.findings == ("MAG_1 is held at 70.1 for 299 s: masked",)
     assert found.power is not None and found.power.electrical_from == "channel P"
     assert found.operating_points is not None
     assert sum(map(sum, found.operating_points.minutes)) == pytest.approx(20.0)

@@ -135,6 +135,9 @@ LOGGED = {
     "Gantner": Logged(
         "Time[OLE2],T,n\n45730.3333333333,20.0,5\n45730.3333449074,21.0,6\n45730.3333564815,OPEN,7\n",
     ),
+    "a thermocouple that is said to be open": Logged(
+        "Time,T,n\n2025-03-14 08:00:00,20.0,5\n2025-03-14 08:00:01,21.0,6\n2025-03-14 08:00:02,Open TC,7\n",
+    ),
     "Graphtec with settings of each channel": Logged(
         "Vendor;GRAPHTEC Corporation\nAMP settings\nCH;Signal name;Range;Span;;Unit;Color\nT;T_w;50V;25;-25;degC;5\n"
         "n;speed;50V;10;-10;rpm;3\nData\nNumber;Date;Time;us;T;n;Alarm\n1;14/03/2025;08:00:00;0;+20,0;+5;LLLL\n"

@@ -100,6 +100,18 @@ def test_dates_of_either_order_are_asked_for_in_words_and_in_the_draft(tmp_path:
     assert f"{asked} Looked at as one row a second.\n[time]\nrate_hz = 1.0" in draft(found)
 
 
+def test_what_a_log_lacks_of_its_time_is_asked_of_its_logger_and_not_of_logs_that_have_theirs(tmp_path: Path) -> None:
+    logs = {
+        "drive_1.csv": "Time,n\n2025-03-14 08:00:00,1\n2025-03-14 08:00:02,2\n",
+        "thermo_1.csv": "Time,T_w\n5/6/2025 1:00 PM,20\n5/6/2025 1:01 PM,21\n",
+    }
+    for name, text in logs.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    bench = read_bench(draft(inspect([tmp_path / name for name in logs], [], None)).encode(), "draft.toml")
+    assert bench.time.rate_hz is None and not bench.time_of
+    assert {one.name: one.time and one.time.rate_hz for one in bench.loggers} == {"drive": None, "thermo": 1.0}
+
+
 CHECKS = """\
 Date;{label};Charge;IR 1min [MΩ];PI
 12.03.2025;SN-001;B7;1200;3,0

@@ -65,6 +65,19 @@ def test_steps_and_pulses_of_load_are_no_jumps() -> None:
     assert jumping(_motor(pulses, np.full(1800, 3000.0), none)) == []
 
 
+def test_iron_of_little_mass_that_follows_the_speed_is_no_jump_and_what_goes_against_it_is() -> None:
+    at = np.arange(1800)
+    speed = np.where((at >= 600) & (at < 900) | (at >= 1300), 12_000.0, 1000.0)
+    heat, body = 4.0 * (speed / 12_000.0) ** 1.5, np.zeros(1800)
+    for i in range(1, 1800):
+        body[i] = body[i - 1] + (heat[i] - body[i - 1]) / 6.0
+    current, none = np.where(at < 100, 100.0, 20.0), np.zeros(1800)
+    assert jumping(_motor(current, speed, none)) == []
+    assert jumping(_motor(current, speed, body)) == [], "losses of teeth and bearings, within seconds"
+    (found,) = jumping(_motor(current, speed, np.where(speed < 5000.0, 1.6, 0.0)))
+    assert found.says.startswith("3 thermometers jump together by 1."), "warmer as the motor slows down"
+
+
 def test_the_recorded_motor_stands_under_a_live_inverter() -> None:
     rows = np.genfromtxt(EXAMPLES / "hust_motor" / "id_12.csv.gz", delimiter=",", names=True)
     copper = ["endwind_1", "endwind_2", "activewind_1", "activewind_2"]

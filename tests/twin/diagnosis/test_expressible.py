@@ -167,6 +167,16 @@ def test_where_files_can_say_all_nothing_moves(tests: list[Test]) -> None:
     assert expressible(fit, (), ()) is fit
 
 
+def test_an_exponent_that_would_be_below_0_is_held_there(tests: list[Test]) -> None:
+    own = list(terms(NETWORK))
+    film = next(i for i, term in enumerate(own) if term.exponents == {"speed": 0.5})
+    exponent = Parameter("conductance.ambient-case.speed", actions.Power((film,), "speed"), 0.1, low=-0.8, high=0.8)
+    found = fit_at(tests, [(exponent, -0.7)])
+    said = expressible(found, (), ())
+    assert said.model.low == pytest.approx([-0.5])
+    assert list(terms(network_of(said, ())))[film].exponents["speed"] >= 0.0
+
+
 def test_a_loss_that_falls_too_fast_with_current_is_held_above_0_and_the_others_follow() -> None:
     yoke = tuple(k for k, term in enumerate(terms(NETWORK)) if term.exponents.get("speed") == 1.5)
     speeds = (0.0, 0.5, 1.0)

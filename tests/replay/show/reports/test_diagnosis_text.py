@@ -103,6 +103,13 @@ def test_a_named_cause_comes_with_its_id_words_size_formula_and_evidence() -> No
         assert part in text
 
 
+def test_a_cause_that_moves_readings_alone_has_no_largest_effect_on_a_temperature() -> None:
+    lag = replace(BIAS, largest_effect_K=0.0, largest_effect_node="winding", largest_effect_t_s=0.0, typical_W=None)
+    text = flat(diagnosis_text(replace(NAMED, causes=[lag])))
+    assert "it moves a reading and no temperature of the motor" in text
+    assert "largest effect" not in text
+
+
 def test_the_family_that_is_relieved_most_is_told_in_whichever_order_an_answer_was_sealed() -> None:
     evidence = EvidenceParts(fit=13.1, priors_relieved=12.7, rest=0.5, relieved={"capacities": 1.4, "films": 3.5})
     assert "12.7 priors relieved (other numbers move less, mostly films: 3.5)" in comes_from(evidence)
@@ -479,14 +486,14 @@ def test_samples_that_were_left_out_are_named_but_no_fit_is_with_them() -> None:
     held = replace(
         EDDY,
         id="sensor.magnet.hold",
-        says="the sensor at magnet repeats old values",
+        says="the sensor at magnet holds one value for a time",
         formula="",
         log_bayes_factor=2 * EDDY.log_bayes_factor,
         evidence=None,
         sayable=False,
     )
     alone = flat(diagnosis_text(replace(NAMED, causes=[held], log_score_gain=None, two_models=None)))
-    assert "Answer The sensor at magnet repeats old values: on kept sessions" in alone
+    assert "Answer The sensor at magnet holds one value for a time: on kept sessions" in alone
     assert "Named cause sensor.magnet.hold" in alone and "with the cause" not in alone
     assert " with it" not in how_many(replace(NAMED, causes=[held], findings=[PATH]))
     both = replace(NAMED, causes=[held, EDDY], findings=[PATH])
@@ -497,7 +504,7 @@ def test_samples_that_were_left_out_are_named_but_no_fit_is_with_them() -> None:
     unnamed = replace(UNKNOWN, causes=[held])
     assert ending(unnamed) is Ending.UNKNOWN, "what was left out explains no error"
     assert "when it is 90 to 140 °C and speed is 3,000 to 6,000 rpm, beside 1 fault of the record" in answer(unnamed)
-    assert "Left out as faults of the record: the sensor at magnet repeats old values." in answer(unnamed)
+    assert "Left out as faults of the record: the sensor at magnet holds one value for a time." in answer(unnamed)
     assert "Named cause sensor.magnet.hold" in flat(diagnosis_text(unnamed))
 
 

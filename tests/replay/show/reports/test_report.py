@@ -65,6 +65,15 @@ def test_the_answer_names_the_worst_node_how_far_off_which_way_and_where() -> No
     )
 
 
+def test_the_answer_names_the_channel_where_the_worst_node_has_several() -> None:
+    run = made_run()
+    worst = max(run.summary.channels, key=lambda one: one.mae_K)
+    beside = replace(worst, channel="T_beside", mae_K=1.0)
+    summary = replace(run.summary, channels=[*run.summary.channels, beside])
+    assert f"rotor surface: 3.1 K ({worst.channel}) on average" in answer([summary])
+    assert f"and 3.1 K ({worst.channel}) in 1_s1, its worst" in answer([summary, summary])
+
+
 def test_the_answer_over_several_sessions_gives_the_mean_and_the_worst_session() -> None:
     text = answer([made_run().summary, made_run("2_s2", masked=(0, 1200)).summary])
     assert "4.6 K on average over 2 recordings, and 6.0 K in 2_s2, its worst (mostly too cold" in text

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from replay.show.verbs.plan import shows_from
+from replay.show.verbs.plan import looks_like, shows_from
 from twin.differences.candidates import Candidate
 from twin.differences.sizes import Sigma
 from twin.fitting import actions
@@ -25,3 +25,10 @@ def test_the_smallest_size_that_shows_is_a_factor_a_share_or_has_a_unit(
 ) -> None:
     candidate = Candidate(cause, unit, Sigma(0.3), 0, actions.Capacity((0,)))
     assert shows_from(Detectable(candidate, smallest, unit, 1.5, 1.0, ())) == says
+
+
+def test_names_of_causes_are_not_broken_over_lines() -> None:
+    candidate = Candidate(Cause("loss", "magnet", "speed"), "W", Sigma(0.3), 0, actions.Capacity((0,)))
+    alike = ("conductance.rotor_core-oil_rotor.scale", "conductance.rotor_core-oil_rotor.constant")
+    lines = looks_like(Detectable(candidate, 20.0, "W", 1.5, 1.0, alike))
+    assert len(lines) == 2 and all(name in " ".join(lines).split() for name in alike)

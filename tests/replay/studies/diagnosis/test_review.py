@@ -69,7 +69,11 @@ def test_a_diagnosis_that_changes_nothing_has_nothing_to_sign(fleet: Fleet, tmp_
     shutil.copytree(fleet.store, tmp_path / "store")
     store = ["--store", str(tmp_path / "store")]
     assert main(["diagnose", "--on", "c_1", "c_2", *store, "--json", str(tmp_path / "why.json")]) == 0
-    name = json.loads((tmp_path / "why.json").read_text(encoding="utf-8"))["diagnosis"]
-    assert main(["review", name, *store, "--out", str(tmp_path / "review.html")]) == 2
-    assert "there is nothing to accept: it named no cause" in capsys.readouterr().err
+    answer = json.loads((tmp_path / "why.json").read_text(encoding="utf-8"))
+    assert main(["review", answer["diagnosis"], *store, "--out", str(tmp_path / "review.html")]) == 2
+    refused = capsys.readouterr().err
+    assert "there is nothing to accept: it named no cause" in refused
+    (export,) = re.findall("whyhot (motor export [0-9a-f]+) -o", refused)
+    assert answer["recalibrated_model"].startswith(export.split()[-1])
+    assert main([*export.split(), "-o", str(tmp_path / "motor.toml"), *store]) == 0, "what it says can be typed"
     assert not (tmp_path / "review.html").exists()
