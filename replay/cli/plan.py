@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from replay.cli.answer import Answer, provenance
-from replay.cli.asked import ask_level, asked, left_out
+from replay.cli.asked import ask_as_of, ask_level, asked, left_out
 
 if TYPE_CHECKING:
     from replay.studies.planning.plan import Planned
@@ -34,6 +34,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cause", metavar="C", nargs="+", default=[], help=says)
     says = "write the day for the bench to this file: one row a second, one column for each set value"
     parser.add_argument("-o", "--out", metavar="FILE.csv", type=Path, help=says)
+    ask_as_of(parser)
     parser.set_defaults(refuse=parser.error)
 
 
@@ -57,7 +58,9 @@ def run(args: argparse.Namespace) -> Answer:
         args.refuse(f"--out writes a CSV: end {args.out} in .csv")
     if (args.tests is None) != (args.bench is None):
         args.refuse("--tests and --bench go together: the bench file says which sensors the tests are read with")
-    settings = {"level": args.level, "motor": args.model, "hours": args.hours, "cause": args.cause}
+    if args.tests and args.as_of:
+        args.refuse("--as-of goes with --sessions: tests that have not been run ask no store")
+    settings = {"level": args.level, "motor": args.model, "hours": args.hours, "cause": args.cause, "as_of": args.as_of}
     if args.out and args.out.resolve() in _read_from(args):
         args.refuse(f"{args.out} is a file that the day is planned from: give --out another name")
     if args.tests:
@@ -84,7 +87,7 @@ def _onward(args: argparse.Namespace) -> str:
     if args.out:
         return f"run {args.out} on the bench, then whyhot ingest FILE --bench FILE"
     words = ["--tests", *map(str, args.tests), "--bench", str(args.bench)] if args.tests else ["--sessions", *args.on]
-    said = {"--motor": args.model, "--level": args.level, "--hours": f"{args.hours:g}"}
+    said = {"--motor": args.model, "--level": args.level, "--hours": f"{args.hours:g}", "--as-of": args.as_of}
     words += [word for flag, value in said.items() if value for word in (flag, value)]
     words += ["--cause", *args.cause] if args.cause else []
     return f"the day as a file: {shlex.join(['whyhot', 'plan', *words, '--out', 'day.csv', '--json', 'plan.json'])}"
