@@ -23,7 +23,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--sessions", metavar="S", nargs="+", dest="on", help=says)
     says = "tests that have not been run, each as a CSV with the columns of --out; needs --bench and no store"
     what.add_argument("--tests", metavar="FILE.csv", nargs="+", type=Path, help=says)
-    says = "with --tests: the bench file that says which sensors there are"
+    says = "the bench file that says which sensors there are: needed with --tests; sessions were read with theirs"
     parser.add_argument("--bench", metavar="B", type=Path, help=says)
     says = "model id, motor name or motor file (default: what the bench file names); with --tests a motor file"
     parser.add_argument("--motor", metavar="M", dest="model", help=says)
@@ -51,13 +51,13 @@ def _hours(text: str) -> float:
 def run(args: argparse.Namespace) -> Answer:
     from replay.cli.progress import tell
     from replay.show.verbs.plan import document, plan_text
-    from replay.studies.planning.plan import plan
+    from replay.studies.planning.plan import plan, refuse_other_bench
     from replay.studies.planning.written import write_plan
 
     if args.out and args.out.suffix != ".csv":
         args.refuse(f"--out writes a CSV: end {args.out} in .csv")
-    if (args.tests is None) != (args.bench is None):
-        args.refuse("--tests and --bench go together: the bench file says which sensors the tests are read with")
+    if args.tests and not args.bench:
+        args.refuse("--tests needs --bench: the bench file says which sensors the tests are read with")
     if args.tests and args.as_of:
         args.refuse("--as-of goes with --sessions: tests that have not been run ask no store")
     settings = {"level": args.level, "motor": args.model, "hours": args.hours, "cause": args.cause, "as_of": args.as_of}
@@ -67,6 +67,8 @@ def run(args: argparse.Namespace) -> Answer:
         found, left, origin = _of_tests(args), [], provenance(None, **settings)
     else:
         with asked(args, write=args.model is not None) as (store, known, model, sessions):
+            if args.bench:
+                refuse_other_bench(known, sessions, args.bench)
             found = plan(store, known, sessions, model, args.level, args.hours, args.cause, tell)
             left, origin = left_out(store, known, sessions, found.model), provenance(store, **settings)
     if args.out:
