@@ -169,6 +169,11 @@ class Store:
         self._behind, self.archive.behind = store, store.archive
 
     @property
+    def asked(self) -> Path:
+        """The folder that a command names: its own, or where this is a store as of before, that of the store itself."""
+        return self._behind.asked if self._behind else self.folder
+
+    @property
     def bucket(self) -> Bucket | None:
         """Where files lie that are read here and are in no folder."""
         return self.mark.files or (self._behind.bucket if self._behind else None)

@@ -116,14 +116,20 @@ def _answer(words: list[str]) -> int:
     except ImportError as error:  # another module hides one of ours, or a part is not installed
         say(f"whyhot: {error}", sys.stderr)
         return 2
-    if (word := next((one for one in words if one[:2] == "--" and one.endswith("=--")), None)) is not None:
-        parser.error(f"argument {word[:-3]}: expected one argument")  # argparse would give an empty list
-    args = parser.parse_args(words)
+    args = argparse.Namespace(
+        verb=verb, store=None, json=_json_of(words) if verb else None
+    )  # till words are understood
     try:
+        if (word := next((one for one in words if one[:2] == "--" and one.endswith("=--")), None)) is not None:
+            parser.error(f"argument {word[:-3]}: expected one argument")  # argparse would give an empty list
+        args = parser.parse_args(words)
         if args.verb is None:
             answer = Answer({}, status(store_folder(args)) or parser.format_help())
         else:
             answer = import_module(f"replay.cli.{args.verb}").run(args)
+    except _WrongWords as wrong:
+        deliver_error(args, wrong.line)
+        raise
     except BrokenPipeError:
         raise
     except Exception as error:
@@ -149,6 +155,14 @@ class _Help(argparse.HelpFormatter):
         super().__init__(prog, width=width())
 
 
+class _WrongWords(SystemExit):
+    """The words are none of a verb's: `line` says which, and the process ends with 2."""
+
+    def __init__(self, line: str) -> None:
+        super().__init__(2)
+        self.line = line
+
+
 class _Parser(argparse.ArgumentParser):
     """Refuses wrong words in one line, as every other refusal, and a verb its own."""
 
@@ -156,7 +170,9 @@ class _Parser(argparse.ArgumentParser):
         super().__init__(formatter_class=_Help, **given)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
-        found, unknown = super().parse_known_args(args, namespace)
+        return self._understood(*super().parse_known_args(args, namespace))
+
+    def _understood(self, found: Any, unknown: list[str]) -> tuple[Any, list[str]]:
         if unknown:
             from ingest.texts.nearest import hint
 
@@ -165,7 +181,21 @@ class _Parser(argparse.ArgumentParser):
         return found, unknown
 
     def error(self, message: str) -> NoReturn:
-        self.exit(2, plain_line(f"{self.prog}: {message.removesuffix('.')}. See {self.prog} --help") + "\n")
+        raise _WrongWords(plain_line(f"{self.prog}: {message.removesuffix('.')}. See {self.prog} --help"))
+
+
+class _VerbParser(_Parser):
+    """Of one verb: its options may stand between its names, as in `motor check --json motor.toml`."""
+
+    _mixing = False
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
+        if self._mixing:  # argparse comes back twice: for the options, then for the names that are left
+            return argparse.ArgumentParser.parse_known_args(self, args, namespace)
+        self._mixing = True
+        if "--" in args:  # behind it are names only, which the second time would be options
+            return super().parse_known_args(args, namespace)
+        return self._understood(*self.parse_known_intermixed_args(args, namespace))
 
 
 def build_parser(verb: str | None) -> argparse.ArgumentParser:
@@ -179,7 +209,7 @@ def build_parser(verb: str | None) -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"whyhot {__version__}")
     parser.set_defaults(json=None, store=None)
-    verbs = parser.add_subparsers(dest="verb", metavar="VERB", title="verbs")
+    verbs = parser.add_subparsers(dest="verb", metavar="VERB", title="verbs", parser_class=_VerbParser)
     for name, says in VERBS.items():
         sub = verbs.add_parser(name, help=says, description=says[0].upper() + says[1:] + ".")
         if name == verb:
@@ -200,3 +230,9 @@ def _json_words(words: list[str]) -> list[str]:
             word = f"--json={left.pop() if left and left[-1].endswith('.json') else '-'}"
         joined.append(word)
     return joined
+
+
+def _json_of(words: Sequence[str]) -> str | None:
+    """Where `_json_words` send the JSON; None where no word says."""
+    said = (word.removeprefix("--json=") for word in words if word.startswith("--json="))
+    return next((target for target in said if target != "--"), None)

@@ -23,6 +23,15 @@ from replay.written import write
 if TYPE_CHECKING:
     from ingest.facts.store import Store
 
+ANSWERS = {  # verb -> what its answer is called, where that is not the verb
+    "accept": "acceptance",
+    "calibrate": "calibration",
+    "correct": "correction",
+    "diagnose": "diagnosis",
+    "forget": "forgetting",
+    "retract": "retraction",
+}
+
 
 @dataclass(frozen=True)
 class Answer:
@@ -86,8 +95,15 @@ def deliver_error(args: argparse.Namespace, line: str) -> int:
         line = on_store(line, store_folder(args))
     say(plain_line(line), sys.stderr)
     if args.json is not None:
-        _write_json(args.json, {"schema": f"whyhot.{args.verb}/1", "error": line, "provenance": provenance(None)})
+        _write_json(args.json, {"schema": schema_of(args), "error": line, "provenance": provenance(None)})
     return 2
+
+
+def schema_of(args: argparse.Namespace) -> str:
+    """What the answer of a verb is called in its JSON, also where there is none but an error."""
+    action = getattr(args, "action", None)
+    name = f"{args.verb}_{action}" if action else ANSWERS.get(args.verb, args.verb)
+    return f"whyhot.{name}/1"
 
 
 def _write_json(target: str, data: Mapping[str, Any]) -> None:

@@ -52,9 +52,10 @@ def asked(args: argparse.Namespace, write: bool = True) -> Iterator[Asked]:
 
 
 def asked_by(verb: str, args: argparse.Namespace, **more: Sequence[str]) -> str:
-    """How a page says what was asked for: `--on`, `more`, `--model`, and `--level` where that is not the default."""
+    """How a page says what was asked for: `--on`, `more`, `--model`, `--as-of`, and `--level` where it is not the
+    default."""
     level = None if args.level == LEVEL else args.level
-    return typed(verb, on=args.on, **more, model=args.model, level=level)
+    return typed(verb, on=args.on, **more, model=args.model, level=level, as_of=getattr(args, "as_of", None))
 
 
 def sessions_of(known: Facts, texts: Sequence[str]) -> list[SessionRecorded]:

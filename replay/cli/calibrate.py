@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from replay.cli.answer import Answer, provenance
-from replay.cli.asked import ask_level, ask_model, ask_sessions, asked
+from replay.cli.asked import as_of_note, ask_as_of, ask_level, ask_model, ask_sessions, asked
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,6 +18,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     ask_level(parser)
     says = "parameters, such as loss.magnet.speed2, for which to print what the data alone say (profile likelihood)"
     parser.add_argument("--profile", metavar="NAME", nargs="+", default=[], help=says)
+    ask_as_of(parser)
 
 
 def run(args: argparse.Namespace) -> Answer:
@@ -47,8 +48,9 @@ def run(args: argparse.Namespace) -> Answer:
             "errors": event.errors,
             "profiles": profiles(result, list(dict.fromkeys(args.profile))),
             "notes": notes,
-            "provenance": provenance(store, level=args.level, model=args.model),
+            "provenance": provenance(store, level=args.level, model=args.model, as_of=args.as_of),
         }
+    notes = [*notes, *as_of_note(args.as_of)]
     if event.converged:
         return Answer(data, calibration_text(data), notes=notes)
     unfinished = "the search did not converge: give more sessions, or check the motor file."

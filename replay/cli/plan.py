@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from replay.cli.answer import Answer, provenance
-from replay.cli.asked import ask_level, asked, left_out
+from replay.cli.asked import ask_as_of, ask_level, asked, left_out
 
 if TYPE_CHECKING:
     from replay.studies.planning.plan import Planned
@@ -23,7 +23,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--sessions", metavar="S", nargs="+", dest="on", help=says)
     says = "tests that have not been run, each as a CSV with the columns of --out; needs --bench and no store"
     what.add_argument("--tests", metavar="FILE.csv", nargs="+", type=Path, help=says)
-    says = "with --tests: the bench file that says which sensors there are"
+    says = "the bench file that says which sensors there are: needed with --tests; sessions were read with theirs"
     parser.add_argument("--bench", metavar="B", type=Path, help=says)
     says = "model id, motor name or motor file (default: what the bench file names); with --tests a motor file"
     parser.add_argument("--motor", metavar="M", dest="model", help=says)
@@ -34,6 +34,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cause", metavar="C", nargs="+", default=[], help=says)
     says = "write the day for the bench to this file: one row a second, one column for each set value"
     parser.add_argument("-o", "--out", metavar="FILE.csv", type=Path, help=says)
+    ask_as_of(parser)
     parser.set_defaults(refuse=parser.error)
 
 
@@ -50,20 +51,24 @@ def _hours(text: str) -> float:
 def run(args: argparse.Namespace) -> Answer:
     from replay.cli.progress import tell
     from replay.show.verbs.plan import document, plan_text
-    from replay.studies.planning.plan import plan
+    from replay.studies.planning.plan import plan, refuse_other_bench
     from replay.studies.planning.written import write_plan
 
     if args.out and args.out.suffix != ".csv":
         args.refuse(f"--out writes a CSV: end {args.out} in .csv")
-    if (args.tests is None) != (args.bench is None):
-        args.refuse("--tests and --bench go together: the bench file says which sensors the tests are read with")
-    settings = {"level": args.level, "motor": args.model, "hours": args.hours, "cause": args.cause}
+    if args.tests and not args.bench:
+        args.refuse("--tests needs --bench: the bench file says which sensors the tests are read with")
+    if args.tests and args.as_of:
+        args.refuse("--as-of goes with --sessions: tests that have not been run ask no store")
+    settings = {"level": args.level, "motor": args.model, "hours": args.hours, "cause": args.cause, "as_of": args.as_of}
     if args.out and args.out.resolve() in _read_from(args):
         args.refuse(f"{args.out} is a file that the day is planned from: give --out another name")
     if args.tests:
         found, left, origin = _of_tests(args), [], provenance(None, **settings)
     else:
         with asked(args, write=args.model is not None) as (store, known, model, sessions):
+            if args.bench:
+                refuse_other_bench(known, sessions, args.bench)
             found = plan(store, known, sessions, model, args.level, args.hours, args.cause, tell)
             left, origin = left_out(store, known, sessions, found.model), provenance(store, **settings)
     if args.out:
@@ -84,7 +89,7 @@ def _onward(args: argparse.Namespace) -> str:
     if args.out:
         return f"run {args.out} on the bench, then whyhot ingest FILE --bench FILE"
     words = ["--tests", *map(str, args.tests), "--bench", str(args.bench)] if args.tests else ["--sessions", *args.on]
-    said = {"--motor": args.model, "--level": args.level, "--hours": f"{args.hours:g}"}
+    said = {"--motor": args.model, "--level": args.level, "--hours": f"{args.hours:g}", "--as-of": args.as_of}
     words += [word for flag, value in said.items() if value for word in (flag, value)]
     words += ["--cause", *args.cause] if args.cause else []
     return f"the day as a file: {shlex.join(['whyhot', 'plan', *words, '--out', 'day.csv', '--json', 'plan.json'])}"

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from replay.cli.answer import Answer, provenance
-from replay.cli.asked import ask_level, ask_model, ask_sessions, asked, asked_by, left_out
+from replay.cli.asked import as_of_note, ask_as_of, ask_level, ask_model, ask_sessions, asked, asked_by, left_out
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -14,6 +14,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     ask_model(parser)
     ask_level(parser)
     parser.add_argument("--report", metavar="FILE.html", type=Path, help="write the report to this file")
+    ask_as_of(parser)
 
 
 def run(args: argparse.Namespace) -> Answer:
@@ -29,8 +30,10 @@ def run(args: argparse.Namespace) -> Answer:
         if args.report:
             write_protocol_report(store, found, args.report, asked_by("protocol", args))
         left = left_out(store, known, sessions, found.calibration.event.parent)
-        data = {**document(found), "notes": left, "provenance": provenance(store, level=args.level, model=args.model)}
+        settings = {"level": args.level, "model": args.model, "as_of": args.as_of}
+        data = {**document(found), "notes": left, "provenance": provenance(store, **settings)}
+    notes = [*left, *as_of_note(args.as_of)]
     if found.calibration.event.converged:
-        return Answer(data, protocol_text(found), notes=left)
+        return Answer(data, protocol_text(found), notes=notes)
     unfinished = "the search did not converge: give more points, or check the motor file."
-    return Answer(data, protocol_text(found), 1, [*left, unfinished])
+    return Answer(data, protocol_text(found), 1, [*notes, unfinished])

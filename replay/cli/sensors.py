@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from replay.cli.answer import Answer, provenance
-from replay.cli.asked import ask_model, ask_sessions, asked
+from replay.cli.asked import ask_as_of, ask_model, ask_sessions, asked
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -15,6 +15,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--vehicle", metavar="CHANNEL", nargs="+", default=[], help=says)
     says = "share of the time in which the hot spot may exceed its limit (default 0.01)"
     parser.add_argument("--risk", type=_share, default=0.01, help=says)
+    ask_as_of(parser)
 
 
 def _share(text: str) -> float:
@@ -36,5 +37,5 @@ def run(args: argparse.Namespace) -> Answer:
     with asked(args, write=args.model is not None) as (store, known, model, sessions):
         found = sensors_worth(store, known, sessions, model, list(dict.fromkeys(args.vehicle)), args.risk, tell)
         left = maps_left(store, known, sessions, found.model)
-        data = {**document(found), "notes": left, "provenance": provenance(store, model=args.model)}
+        data = {**document(found), "notes": left, "provenance": provenance(store, model=args.model, as_of=args.as_of)}
     return Answer(data, sensors_text(found), notes=left)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from replay.cli.answer import Answer, provenance, store_folder
+from replay.cli.answer import Answer, provenance
+from replay.cli.asked import ask_as_of, opened
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -17,24 +18,25 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--write-only", action="store_true", help="write the layers and do not open the viewer")
     where.add_argument("--web", action="store_true", help="serve the viewer to a browser, on this machine alone")
+    ask_as_of(parser)
 
 
 def run(args: argparse.Namespace) -> Answer:
     from ingest.facts import facts
-    from ingest.facts.store import Store
     from replay.show.reports.documents import seen
     from replay.show.viewer import program
     from replay.show.viewer.aligned import write_aligned
     from replay.show.viewer.layers import write_layers
 
-    with Store.open(store_folder(args)) as store:
+    with opened(args, write=False) as store:
         known = facts.at(store.ledger)
         shown = [seen(store, known, session) for session in known.named(args.sessions)]
         if args.align:
             paths = [write_aligned(shown, args.align, args.out)]
         else:
             paths = [path for one in shown for path in write_layers(one, args.out)]
-        data = {"schema": "whyhot.view/1", "files": [str(p) for p in paths], "provenance": provenance(store)}
+        origin = provenance(store, as_of=args.as_of)
+        data = {"schema": "whyhot.view/1", "files": [str(p) for p in paths], "provenance": origin}
     lines = [str(path) for path in paths]
     if args.web:
         lines.append(program.serve(paths))

@@ -166,7 +166,7 @@ def context(store: Store | None, command: str) -> ReportContext:
         command=command.strip(),
         store_head=str(store.ledger.head()) if store else "no store",
         versions={name: version(name) for name in NAMED},
-        store=store.folder if store else DEFAULT_STORE,
+        store=store.asked if store else DEFAULT_STORE,
     )
 
 

@@ -3,14 +3,18 @@ show most besides."""
 
 from __future__ import annotations
 
+import hashlib
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from ingest.texts.names import handle
 from replay.engine.files.benches import with_bench_of
+from replay.errors import ReplayDataError
 from replay.studies.characterise.calibrate import common_model
 from replay.studies.diagnosis.question import Campaign, Question, campaign_of, check
 from replay.studies.planning.listed import Listed, listed_campaign, unfitted
@@ -61,6 +65,18 @@ def plan(
         tell("fitting everything healthy")
         mode = calibrated(campaign.healthy, campaign.candidates, tell)
         return _planned(campaign, mode, model, sessions, (), hours, only, tell)
+
+
+def refuse_other_bench(facts: Facts, sessions: Sequence[SessionRecorded], file: Path) -> None:
+    """Raises ReplayDataError where a session is read with another bench file than this one."""
+    sha256 = hashlib.sha256(file.read_bytes()).hexdigest()
+    for session in sessions:
+        if session.bench is None or sha256 not in (session.bench, facts.current(session.bench)):
+            correct = shlex.join(["whyhot", "correct", session.name, "--bench", str(file), "--reason"])
+            raise ReplayDataError(
+                f"session {session.name} is read with another bench file than {file}: leave --bench out, or "
+                f"`{correct} TEXT` changes that."
+            )
 
 
 def plan_listed(listed: Listed, level: str, hours: float, only: Sequence[str], tell: Tell) -> Planned:

@@ -144,3 +144,38 @@ def test_an_error_goes_into_the_json(bench: Path, capsys: pytest.CaptureFixture[
     assert main(["show", "nothing", "--json", str(out), "--store", str(bench / "store")]) == 2
     assert "nothing" in json.loads(out.read_text(encoding="utf-8"))["error"]
     assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["show"],
+        ["replay"],
+        ["report"],
+        ["view", "--write-only"],
+        ["plan", "--sessions"],
+        *([verb, "--on"] for verb in ("calibrate", "protocol", "diagnose", "sensors", "envelope")),
+    ],
+)
+def test_what_reads_sessions_reads_them_as_they_were(
+    bench: Path, capsys: pytest.CaptureFixture[str], words: list[str]
+) -> None:
+    verb, *flags = words
+    assert main([verb, "--as-of", "1", "--store", str(bench / "store"), *flags, "1_s1"]) == 2
+    assert capsys.readouterr().err.startswith("as of 1: session '1_s1': is not in this store")
+
+
+def test_a_page_as_of_before_shows_what_was_known_and_names_the_store_that_was_asked(
+    bench: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    store, page = str(bench / "store"), tmp_path / "r.html"
+    runs = [run["run"] for run in _json(bench, capsys, "replay", "1_s1")["runs"]]
+    then = _json(bench, capsys, "head")["position"]
+    assert main(["retract", "1_s1.blf", "--reason", "a trial", "--store", store]) == 0
+    capsys.readouterr()
+    answer = _json(bench, capsys, "report", "1_s1", "--as-of", str(then), "--out", str(page))
+    assert (answer["runs"], answer["provenance"]["settings"]["as_of"]) == (runs, str(then))
+    assert f"whyhot report --store {store} 1_s1 --as-of {then}" in page.read_text(encoding="utf-8")
+    assert main(["report", "1_s1", "--out", str(page), "--store", store]) == 2
+    assert main(["retract", "1_s1.blf", "--undo", "--reason", "no trial", "--store", store]) == 0
+    capsys.readouterr()

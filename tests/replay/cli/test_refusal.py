@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import errno
+import json
 import os
 import signal
 import subprocess
@@ -17,7 +18,8 @@ import pytest
 
 from ingest.facts.events import ModelPublished
 from ingest.facts.store import Store
-from replay.cli import main
+from made.places import EXAMPLES
+from replay.cli import build_parser, main
 
 Capture = pytest.CaptureFixture[str]
 
@@ -120,6 +122,38 @@ def test_words_that_a_verb_does_not_know_are_refused_by_the_verb(words: list[str
         main(words)
     assert stopped.value.code == 2
     assert capsys.readouterr().err == f"whyhot {says} See whyhot {words[0]} --help\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "schema"),
+    [
+        (["sessions", "--lsat", "2", "--json"], "sessions"),
+        (["plan", "--json"], "plan"),
+        (["motor", "plot", "m.toml", "--json", "-o", "m.png"], "motor_plot"),
+        (["diagnose", "--on", "nothing", "--json"], "diagnosis"),
+        (["accept", "d-4f0c", "--json"], "acceptance"),
+        (["bench", "export", "b.toml", "-o", "c.toml", "--json"], "bench_export"),
+    ],
+)
+def test_the_json_of_a_refusal_is_called_as_the_answer_would_be(
+    store: Path, words: list[str], schema: str, capsys: Capture
+) -> None:
+    try:
+        assert main(words) == 2
+    except SystemExit as stopped:
+        assert stopped.code == 2
+    out, err = capsys.readouterr()
+    answer = json.loads(out)
+    assert answer["schema"] == f"whyhot.{schema}/1"
+    assert answer["error"] == err.rstrip("\n")
+
+
+def test_options_stand_between_names(capsys: Capture) -> None:
+    words = ["retract", "1_s1", "--json=a.json", "2_s2", "--reason", "x", "3_wltp", "--store", "s"]
+    assert build_parser("retract").parse_args(words).what == ["1_s1", "2_s2", "3_wltp"]
+    assert build_parser("show").parse_args(["show", "--store", "s", "--", "-1_s1"]).session == "-1_s1"
+    assert main(["motor", "check", "--json", str(EXAMPLES / "reference_motor" / "motor.toml")]) == 0
+    assert json.loads(capsys.readouterr().out)["nodes"] == 21
 
 
 def test_a_mistyped_motor_names_the_nearest(store: Path, capsys: Capture) -> None:

@@ -122,7 +122,6 @@ def test_a_test_is_not_written_over_by_the_day(
     "words",
     [
         ("--tests", "a.csv"),
-        ("--sessions", "1_point", "--bench", "bench.toml"),
         ("--sessions", "1_point", "--tests", "a.csv", "--bench", "bench.toml"),
         ("--tests", "a.csv", "--bench", "bench.toml", "--motor", "servo"),
     ],

@@ -110,6 +110,18 @@ def test_what_cannot_be_planned_is_one_line(
     assert says in error
 
 
+def test_sessions_are_planned_from_with_the_bench_file_that_they_are_read_with(
+    bench: Path, answer: Mapping[str, Any], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    asked = ["plan", "--sessions", "1_point", "2_drive", "--hours", "2", "--store", str(bench / "store"), "--bench"]
+    assert main([*asked, str(bench / "bench.toml"), "--json", str(tmp_path / "plan.json")]) == 0
+    assert json.loads((tmp_path / "plan.json").read_text())["candidates"] == answer["candidates"]
+    (other := tmp_path / "other.toml").write_bytes((bench / "bench.toml").read_bytes() + b"# another\n")
+    capsys.readouterr()
+    assert main([*asked, str(other)]) == 2
+    assert "session 1_point is read with another bench file than" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("words", [("--hours", "0"), ("--hours", "x"), ("--out", "day.xlsx")])
 def test_wrong_words_are_refused(bench: Path, words: tuple[str, ...]) -> None:
     with pytest.raises(SystemExit) as stopped:
