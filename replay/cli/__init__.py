@@ -116,9 +116,8 @@ def _answer(words: list[str]) -> int:
     except ImportError as error:  # another module hides one of ours, or a part is not installed
         say(f"whyhot: {error}", sys.stderr)
         return 2
-    args = argparse.Namespace(
-        verb=verb, store=None, json=_json_of(words) if verb else None
-    )  # till words are understood
+    # Till the words are understood:
+    args = argparse.Namespace(verb=verb, store=None, json=_json_of(words) if verb else None)
     try:
         if (word := next((one for one in words if one[:2] == "--" and one.endswith("=--")), None)) is not None:
             parser.error(f"argument {word[:-3]}: expected one argument")  # argparse would give an empty list
