@@ -8,7 +8,9 @@ block. With e, A whitened and u = A'e,
     ln BF = (e'e - u'(H + A'A)^-1 u + ln|H + A'A| - ln|H| + ln|R|) / 2 - sum ((y - value)^2 / w + ln w) / 2.
 
 Evidence is counted by blocks, not by samples: what a bus repeats, or what follows faster than the noise forgets, brings
-none of its own. For the same reason the scatter within a block is left out.
+none of its own. For the same reason the scatter within a block is left out. A live sensor of coarse steps q stands
+still as long as what it measures stays within one: so y may be off by q / 2, and a block of many samples says no more
+than to a step, w >= q^2 / 2 pi (where the density is 1 / q).
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from scipy.special import betaln, xlog1py, xlogy
 from twin.errors import EvidenceError
 from twin.fitting.fit import Fit
 from twin.fitting.model import Columns, Floats, Model, Test
-from twin.fitting.noise import log_det
+from twin.fitting.noise import Series, log_det
 from twin.fitting.one_test import alone
 from twin.fitting.recorded import RecordedChannel
 from twin.motor.causes import Cause
@@ -104,9 +106,19 @@ def _live_and_held(current: Fit, number: int, test: Test, channel: str, off: Flo
     """ln evidence of "held" minus "live"; `off` (B,) [K]: the block means less what is held there."""
     model, at = alone(current.model, number, test)
     part = next(p for p in model.linearise(current.beta[at]) if p.series.channel == channel)
+    part = replace(part, series=_to_a_step(part.series))
     white = part.series.white_variance
     held = float(np.sum(off**2 / white + np.log(white))) / 2
     return _minus_log_live(current, model, part, at[part.at]) - held
+
+
+def _to_a_step(series: Series) -> Series:
+    """What a sensor says that shows whole steps alone."""
+    if not series.resolution:
+        return series
+    most = 2 * np.pi * ((series.white_sd / series.resolution) ** 2 + 1 / 12)
+    beyond = np.maximum(np.abs(series.y) - series.resolution / 2, 0.0)
+    return replace(series, samples=np.minimum(series.samples, most), y=np.copysign(beyond, series.y))
 
 
 def _minus_log_live(current: Fit, model: Model, part: Columns, at: NDArray[np.intp]) -> float:

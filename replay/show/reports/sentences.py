@@ -49,6 +49,9 @@ def _found(diagnosis: Diagnosis) -> str:
 def _named(diagnosis: Diagnosis) -> str:
     first, *more = sorted(diagnosis.causes, key=lambda cause: cause.of_the_record)
     told, others = first.says, len(first.indistinguishable_from)
+    if first.of_the_record:
+        faults = f"and {words.counted(len(more), 'more fault')}" if more else "a fault"
+        return f"{told}, {faults} of the record, left out; otherwise {_agrees(diagnosis)}{_but(diagnosis)}"
     if more:
         told += f", and {words.counted(len(more), 'more cause')}"
     elif others:

@@ -76,9 +76,10 @@ def test_the_evidence_is_the_gaussian_one_of_the_blocks() -> None:
     apart = np.abs(part.series.t_s[:, None] - part.series.t_s)
     slow = NOISE.ar_sd**2 * np.exp(-apart / NOISE.ar_tau_s) + NOISE.ou_sd**2 * np.exp(-apart / NOISE.ou_tau_s)
     live = multivariate_normal(np.zeros(len(a)), np.diag(white) + slow + a @ np.linalg.inv(fitted.hessian) @ a.T)
-    block = means[300:500].reshape(-1, 5).mean(axis=1)
+    block, half_a_step = means[300:500].reshape(-1, 5).mean(axis=1), w_1.sensor.resolution / 2
     held = multivariate_normal(np.full(len(a), values[0]), np.diag(white))
-    expected = held.logpdf(block) - live.logpdf(part.series.y)
+    beyond = np.copysign(np.maximum(np.abs(part.series.y) - half_a_step, 0.0), part.series.y)
+    expected = held.logpdf(block) - live.logpdf(beyond)
     assert len(part.series.y) == 40
     assert fault_evidence(fitted, 0, "W_1", stretches, t_s, values) == pytest.approx(expected, rel=1e-4)
 
@@ -93,6 +94,23 @@ def test_a_channel_that_was_held_while_the_motor_warmed_is_told(channel: str) ->
 def test_a_channel_that_followed_the_motor_was_live(channel: str) -> None:
     t_s, values = _raw(channel)
     assert fault_evidence(_fitted(), 0, channel, _stretch(values), t_s, values) < -20
+
+
+@pytest.mark.parametrize(("step_K", "least", "most"), [(0.1, 500.0, 2000.0), (1.0, 20.0, 100.0), (3.0, -3.0, 3.0)])
+def test_a_sensor_of_coarse_steps_stands_still_while_the_motor_stays_within_one(
+    step_K: float, least: float, most: float
+) -> None:
+    """The yoke warms by 3.6 K meanwhile, from 49.0 to 52.7 degC: whole steps of 3 K read 51, nothing else does."""
+    fitted = _fitted()
+    tests = [
+        replace(one, channels=tuple(replace(c, sensor=replace(c.sensor, resolution=step_K)) for c in one.channels))
+        for one in fitted.model.tests
+    ]
+    model = Model(fitted.model.network, tests, fitted.model.parameters, fitted.model.noise)
+    t_s, values = _raw("Y_1")
+    shown = np.full_like(values, round(values.mean() / step_K) * step_K)
+    evidence = fault_evidence(replace(fitted, model=model), 0, "Y_1", _stretch(shown), t_s, shown)
+    assert least < evidence < most
 
 
 def test_samples_repeated_by_the_bus_bring_no_evidence_of_their_own() -> None:

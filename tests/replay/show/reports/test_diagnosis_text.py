@@ -493,7 +493,10 @@ def test_samples_that_were_left_out_are_named_but_no_fit_is_with_them() -> None:
         sayable=False,
     )
     alone = flat(diagnosis_text(replace(NAMED, causes=[held], log_score_gain=None, two_models=None)))
-    assert "Answer The sensor at magnet holds one value for a time: on kept sessions" in alone
+    assert "Answer The sensor at magnet holds one value for a time, a fault of the record, left out; " in alone
+    assert "otherwise no cause beyond the file's own coefficients is needed: on kept sessions" in alone
+    two = headline(replace(NAMED, causes=[held, replace(held, id="sensor.yoke.hold")]))
+    assert two.startswith("The sensor at magnet holds one value for a time, and 1 more fault of the record, left out")
     assert "Named cause sensor.magnet.hold" in alone and "with the cause" not in alone
     assert " with it" not in how_many(replace(NAMED, causes=[held], findings=[PATH]))
     both = replace(NAMED, causes=[held, EDDY], findings=[PATH])
