@@ -18,6 +18,7 @@ from ingest.formats._csv_stamps import BLANK, LocalClock, parse, time_of_day
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
+OF_FRACTION = -1  # digits of a part of a second that is written as one: 0.25
 WRAP = 2**32  # what a counter of 32 bits begins anew at: of milliseconds after 50 days, of microseconds after 72 min
 DAY_S = 86_400.0
 LATEST_NS = 9.2e18  # what int64 holds
@@ -257,7 +258,7 @@ class Stamped(Clock):
 
     pattern: str
     local: LocalClock
-    digits: int = 0  # of the part of the second that the last of the columns holds: 3 where it is milliseconds
+    digits: int = 0  # of the part of the second that the last of the columns holds: 3 of ms, `OF_FRACTION` of 0.25 s
     zoned: bool = False  # the last of them, behind that, holds the zone
     zone_said: str = ""  # of all stamps, which say none: UTC+1
     sparse_dates: bool = False  # the first of them holds a date where it is another one, as ALMEMO writes it
@@ -268,11 +269,14 @@ class Stamped(Clock):
         if self.sparse_dates and len(columns[0]):
             days = carried(columns[0].tolist(), self._day)
             self._day, columns = days[-1], [np.array(days, object), *columns[1:]]
-        own = columns[: len(columns) - self.zoned - (self.digits > 0)]
+        own = columns[: len(columns) - self.zoned - (self.digits != 0)]
         stamps = super().cells(own)
         if self.digits:
-            both = zip(stamps, columns[len(own)], strict=True)
-            stamps = np.array([f"{one}.{part.strip():0>{self.digits}}" for one, part in both], object)
+            parts = (part.strip() for part in columns[len(own)])
+            if self.digits == OF_FRACTION:
+                parts = (re.sub(r"^0?[.,]?(?=\d)", "", part) for part in parts)
+            both = zip(stamps, parts, strict=True)
+            stamps = np.array([f"{one}.{part:0>{max(self.digits, 0)}}" for one, part in both], object)
         if self.zone_said:
             return np.array([f"{one.strip()} {self.zone_said}" if one.strip() else "" for one in stamps], object)
         return joined(stamps, columns[-1]) if self.zoned else stamps

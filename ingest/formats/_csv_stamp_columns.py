@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import TimeSpec
-from ingest.formats._csv_clocks import Clock, Stamped, carried
+from ingest.formats._csv_clocks import OF_FRACTION, Clock, Stamped, carried
 from ingest.formats._csv_dialect import Dialect
 from ingest.formats._csv_digits import digit_pairs, says_seconds
 from ingest.formats._csv_numbers import MISSING
@@ -37,7 +37,14 @@ from ingest.formats._csv_stamps import (
     month_first,
     year_may_be_first,
 )
-from ingest.formats._csv_time_names import PARTS_OF_STAMP, digits_of, is_zone_name, words, zone_in_name
+from ingest.formats._csv_time_names import (
+    PARTS_OF_STAMP,
+    digits_of,
+    is_part_of_second,
+    is_zone_name,
+    words,
+    zone_in_name,
+)
 
 ORDER_IN_NAME = re.compile(r"\b(dd|mm)[-./](?:dd|mm)[-./]yy", re.IGNORECASE)  # `Date (MM/DD/YYYY)`
 NO_RECORD = np.empty(0, np.int64)  # stamps need none
@@ -198,15 +205,15 @@ def _with_part(clock: Stamped, dialect: Dialect) -> Stamped:
     said = [match for cell in time_cells(clock, dialect) if (match := re.match(clock.pattern, cell))]
     if not all({"S", "f"} <= match.groupdict().keys() and match["S"] and not match["f"] for match in said):
         return clock
-    return replace(clock, columns=(*clock.columns, column), digits=digits_of(column))
+    return replace(clock, columns=(*clock.columns, column), digits=digits_of(column) or OF_FRACTION)
 
 
 def part_of_second(beside: Sequence[str], dialect: Dialect) -> str | None:
     """The column that is called as parts of a second are, and holds such in all rows."""
-    column = next((name for name in dialect.names if digits_of(name) and name not in beside), None)
-    most = 10 ** digits_of(column or "")
+    column = next((name for name in dialect.names if is_part_of_second(name) and name not in beside), None)
+    digits = digits_of(column or "")
     parts = dialect.numbers(column) if column else []
-    return column if all(0 <= part < most and part == int(part) for part in parts) else None
+    return column if all(0 <= part < 10**digits and (part == int(part) or not digits) for part in parts) else None
 
 
 def _is_day_first(said: list[str], columns: tuple[str, ...], dialect: Dialect) -> bool | None:

@@ -49,6 +49,7 @@ _PARTS = (
 PARTS_OF_STAMP = [frozenset(names.split()) for names in _PARTS]  # of columns that hold one part each
 COUNTERS = {"millis": ("time", "ms"), "micros": ("time", "us")}  # as small controllers call their clocks
 DIGITS = {1e6: 3, 1e3: 6, 1.0: 9}  # of the part of a second that is counted in a unit of so many ns
+FRACTIONS = frozenset(("fractional seconds", "fractional second", "fraction of second"))  # 0.25: Keithley's scanners
 CATMAN_TIME = re.compile(r"(?:time|zeit) +\d+ - ", re.IGNORECASE)  # "Zeit  1 - Standardmessrate"
 
 
@@ -64,6 +65,11 @@ def digits_of(name: str) -> int:
     base, unit = base_and_unit(name)
     said = unit if (base in TIME_NAMES or base.endswith("stamp")) and unit else name
     return DIGITS.get(UNITS_NS.get(said.casefold(), 0.0), 0)
+
+
+def is_part_of_second(name: str) -> bool:
+    """Whether a column with this name holds the part of a second, counted or as a fraction."""
+    return digits_of(name) > 0 or name.casefold() in FRACTIONS
 
 
 def is_time_name(name: str) -> bool:

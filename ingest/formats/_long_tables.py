@@ -21,7 +21,7 @@ from ingest.formats import SERIES, Rows
 from ingest.formats._csv_dialect import Dialect
 from ingest.formats._csv_numbers import MISSING
 from ingest.formats._csv_stamps import is_stamp
-from ingest.formats._csv_time_names import digits_of, is_time_name, words
+from ingest.formats._csv_time_names import is_part_of_second, is_time_name, words
 
 
 def _set(text: str) -> frozenset[str]:
@@ -187,7 +187,7 @@ def _is_time(name: str, numeric: bool | None, cells: Sequence[str]) -> bool:
     """Whether a column holds times that are not those of the rows: it names and measures nothing."""
     said = [cell for cell in cells if cell not in MISSING]
     stamps = numeric is False and all(map(is_stamp, said))
-    return stamps or is_time_name(name) or digits_of(name) > 0
+    return stamps or is_time_name(name) or is_part_of_second(name)
 
 
 def _called(name: str) -> str:

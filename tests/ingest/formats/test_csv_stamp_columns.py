@@ -135,6 +135,14 @@ def test_milliseconds_in_a_column_of_their_own_belong_to_the_stamp(tmp_path: Pat
     assert list(columns) == ["T"] and log.settings["time_column"].endswith(head.split(",")[2])
 
 
+def test_a_fraction_of_a_second_in_a_column_of_its_own_belongs_to_the_stamp(tmp_path: Path) -> None:
+    parts = ("0.05", "0.5", ".75", "0")
+    rows = [f"{20 + k},2025/12/24,08:00:0{k},{part}" for k, part in enumerate(parts)]
+    log, t_ns, columns = read(table(tmp_path, "\n".join(["T,Date,Time,Fractional Seconds", *rows, ""])))
+    assert t_ns == [DECEMBER_NS + k * S_NS + round(float(part) * S_NS) for k, part in enumerate(parts)]
+    assert list(columns) == ["T"] and not log.rejected
+
+
 def test_a_stamp_without_signs_is_a_date_and_no_number(tmp_path: Path) -> None:
     for stamp in ("20251224080000", "20251224T080000Z", "20251224_080000", "20251224080000000"):
         log, t_ns, _ = read(table(tmp_path, f"Time,T\n{stamp},20\n"))
