@@ -150,8 +150,9 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
     ends = [in_cells.get(name, "") for name in names]
     fitting = [tuple(bare(cell, end) for cell, end in zip(row, ends, strict=True)) for row in fitting]
     numerals = _csv_numbers.recognise((cell for row in fitting for cell in row), delimiter)
-    of_settings = _units_of_settings(lines[:above], dict(zip(header, names, strict=True)), delimiter)
-    units = of_settings | _units_above(lines[:above], names, delimiter)
+    of_settings = _in_settings(lines[:above], header, delimiter, UNIT_WORDS)
+    units = {name: _bare(of_settings[head]) for head, name in zip(header, names, strict=True) if head in of_settings}
+    units |= _units_above(lines[:above], names, delimiter)
     has_units = _is_units_row(fitting, numerals)
     units |= {name: unit for name, text in zip(names, header, strict=True) if (unit := _unit_in(text))}
     if has_units:
@@ -202,24 +203,20 @@ def _units_above(lines: Sequence[str], names: Sequence[str], delimiter: str) -> 
     return {name: _bare(cell) for name, cell in zip(names[1:], said[1:], strict=False) if cell}
 
 
-def _units_of_settings(lines: Sequence[str], names: Mapping[str, str], delimiter: str) -> dict[str, str]:
-    """The units that a table of settings above the header says, a line for each name, as Graphtec writes it; `names`:
-    as the header has it -> as it is called here."""
-    units, place = dict[str, str](), 0
+def _in_settings(lines: Sequence[str], header: Sequence[str], delimiter: str, head: Sequence[str]) -> dict[str, str]:
+    """Name in the header -> what a table of settings above it says of that input, a line for each, as Graphtec writes
+    it, in the column that one of `head` heads."""
+    said, place = dict[str, str](), 0
     for row in ([cell.strip() for cell in cells(line, delimiter)] for line in lines):
-        place = next((i for i, cell in enumerate(row) if i and cell.casefold() in UNIT_WORDS), place)
-        if place and len(row) > place and row[0] in names and (unit := row[place]):
-            units[names[row[0]]] = _bare(unit)
-    return units
+        place = next((i for i, cell in enumerate(row) if i and cell.casefold() in head), place)
+        if place and len(row) > place and row[0] in header and row[place]:
+            said[row[0]] = row[place]
+    return said
 
 
 def _called_in_settings(lines: Sequence[str], header: Sequence[str], delimiter: str) -> list[str]:
-    """The header as such a table of settings calls its inputs, "Winding" for CH1, but where it calls several so."""
-    called, place = dict[str, str](), 0
-    for row in ([cell.strip() for cell in cells(line, delimiter)] for line in lines):
-        place = next((i for i, cell in enumerate(row) if i and cell.casefold() == SIGNAL_NAME), place)
-        if place and len(row) > place and row[0] in header and row[place]:
-            called[row[0]] = row[place]
+    """The header as the settings call its inputs, "Winding" for CH1, but where they call several so."""
+    called = _in_settings(lines, header, delimiter, (SIGNAL_NAME,))
     often = Counter((*called.values(), *(name for name in header if name not in called)))
     return [called[name] if name in called and often[called[name]] == 1 else name for name in header]
 
